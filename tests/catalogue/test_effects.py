@@ -22,8 +22,6 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SceneError
-from rb_sim.catalogue.effects import SPECS
-from rb_sim.catalogue.effects.wrench import CommandRow
 from rb_sim.catalogue.spec import CENTRAL, WORLD, BodyState, Inertial, potential, wrench
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
@@ -132,12 +130,6 @@ def test_wrench_in_body_axes_turns_with_the_body() -> None:
     got = run({"p": push}, angular_velocity=[0.0, 0.0, w])
     turned = np.stack([np.sin(w * got.t), 1.0 - np.cos(w * got.t)], axis=-1)
     assert_allclose(got.linear_velocity[:, 0, :2], f / (MASS * w) * turned, atol=TIGHT)
-
-
-def test_the_catalogue_says_which_forces_are_central() -> None:
-    assert {"gravity", "linear_drag", "quadratic_drag"} < set(SPECS)
-    rows = {"GravityRow", "LinearDragRow", "QuadraticDragRow"}
-    assert {kind.__name__ for kind in CENTRAL} >= rows
 
 
 @pytest.mark.parametrize("kind", sorted(CENTRAL, key=lambda kind: kind.__name__))
@@ -268,16 +260,6 @@ def test_a_table(axes: Axes, interpolation: str) -> None:
         assert_allclose(total([row], t), expected, atol=1e-14)
 
 
-def test_a_command_acts_at_the_origin_in_axes_of_world_and_body_at_once() -> None:
-    (idle,) = rows_of({"type": "commanded_wrench"})
-    assert not total([idle], 0.2).any()
-    parts: Any = [tuple(x.tolist()) for x in (FORCE, TORQUE, FORCES[0], TORQUES[0])]
-    row = CommandRow._make([*parts, idle.r_B])
-    expected = by_hand(FORCE, TORQUE, "world", np.zeros(3))
-    expected = expected + by_hand(FORCES[0], TORQUES[0], "body", np.zeros(3))
-    assert_allclose(total([row], 0.2), expected, atol=1e-14)
-
-
 # Torsion springs between two bodies that are turned at the start and turn: angle, torque, energy.
 #
 # Their balance is in tests/properties/test_between_bodies, their swing alone in test_effects.
@@ -332,15 +314,6 @@ def test_a_turn_about_its_axis(angle: float, parent: bool, sign: float) -> None:
 
 
 @pytest.mark.parametrize("parent", [False, True])
-def test_a_turn_across_its_axis_is_no_twist(parent: bool) -> None:
-    (row,) = rows(parent, stiffness=STIFFNESS)
-    across = np.cross(AXIS, [1.0, 0.0, 0.0])
-    B, A = states(parent, Rotation.from_rotvec(0.9 * across / np.linalg.norm(across)), 1.0)
-    assert_allclose(wrench(row, 0.0, BODY_TORSION, B, A)[1], 0.0, atol=1e-14)
-    assert potential(row, 0.0, BODY_TORSION, B, A) < 1e-28
-
-
-@pytest.mark.parametrize("parent", [False, True])
 def test_a_damper_takes_the_relative_spin_about_the_axis(parent: bool) -> None:
     (row,) = rows(parent, damping=DAMPING)
     B, A = states(parent, Rotation.from_rotvec([0.3, 1.0, -0.4]), 1.0)
@@ -349,11 +322,6 @@ def test_a_damper_takes_the_relative_spin_about_the_axis(parent: bool) -> None:
     force, torque = wrench(row, 0.0, BODY_TORSION, B, A)
     assert force == (0.0, 0.0, 0.0)
     assert_allclose(torque, -DAMPING * (relative @ AXIS) * AXIS, atol=1e-14)
-
-
-def test_what_is_left_out_is_not_there() -> None:
-    assert len(rows(True, stiffness=1.0, damping=1.0)) == 2
-    assert rows(True) == []
 
 
 SPIN, MOMENT = 12.0, 0.2

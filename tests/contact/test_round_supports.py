@@ -19,9 +19,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from benchmarks.contact.turned_slips import case, closed_form, judged
+from benchmarks.contact.turned_slips import case, judged
 from rb_sim import Simulation, Trajectory
 from rb_sim.contact.events.shares import TURNED_BY_ROUNDING
 from tests.contact.scenes import G, ball, body, box, scene, touch
@@ -175,21 +176,6 @@ def test_face_falls_on_a_sphere(shape: dict[str, Any], x: float) -> None:
     assert_allclose(hit.impulse, [0, 0, 1.5 * speed / (1.0 + x * x / inertia)], atol=1e-11)
 
 
-@pytest.mark.parametrize("aim", ["side", "cap"])
-def test_ball_strikes_a_cylinder_head_on(aim: str) -> None:
-    """Equal masses exchange velocities, at e = 1."""
-    axis = [0, 0, 1] if aim == "side" else [1, 0, 0]
-    near = 0.2 if aim == "side" else 0.25
-    shape = {"type": "cylinder", "radius": 0.2, "length": 0.5, "axis_B": axis}
-    bodies = {"a": body(shape, [0, 0, 0]), "b": ball([-1, 0, 0], linear_velocity=[2, 0, 0])}
-    hit = touch("b", parent="a", surface={"type": "shape"}, restitution=1.0)
-    found = run(scene(bodies, {"hit": hit}, gravity=False), [0.0, 1.0])
-    assert_allclose(found.times("impact"), [0.5 * (0.9 - near)], rtol=0.0, atol=1e-13)
-    v = found.trajectory.linear_velocity
-    assert_allclose(v["a"][1], [2.0, 0.0, 0.0], atol=1e-13)
-    assert_allclose(v["b"][1], [0.0, 0.0, 0.0], atol=1e-13)
-
-
 def test_ball_and_roller() -> None:
     """A rough ball rolls off a cylinder that turns about its own fixed axis.
 
@@ -261,6 +247,21 @@ def test_falls_flat(mu: float) -> None:
     assert found.trajectory.residual.max() <= 1e-10
     assert np.diff(found.trajectory.energy).max() <= 1e-9
     assert found.balance() <= 1e-9
+
+
+def test_a_rim_strikes_a_bowl_with_its_farthest_point() -> None:
+    """Let go near the middle of a bowl, leaning: a search round the rim says when it is there."""
+    lean = Rotation.from_rotvec([0.0, 0.4, 0.0])
+    around = np.linspace(0.0, 2.0 * np.pi, 100_001)
+    rim = lean.apply(RADIUS * np.stack([np.cos(around), np.sin(around), 0.0 * around], axis=1))
+
+    def beyond(t: float) -> float:
+        return float(np.linalg.norm(rim + [0.1, 0.0, -0.5 * G * t**2], axis=1).max()) - R
+
+    start = body({"type": "disk", "radius": RADIUS}, [0.1, 0, 0], orientation=lean.as_quat())
+    bowl = {"type": "sphere", "radius": R, "side": "inside"}
+    found = run(scene(start, touch(surface=bowl, restitution=0.5)), [0.0, 0.6])
+    assert_allclose(found.times("impact")[0], brentq(beyond, 0.1, 0.6), rtol=0.0, atol=1e-8)
 
 
 # A disk that is held at its rim and falls on its flat side, but for a small angle.
@@ -335,9 +336,13 @@ ALLOWED = {"default": 1e-6, "loose": 1e-3, "rk4": 1e-3, "gauss6": 3e-6}
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
-@pytest.mark.parametrize("setting", SETTINGS)
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("missed", [1e-4, -1e-5, 1e-6, -1e-7, 1e-8, 1e-9])
+@pytest.mark.parametrize(
+    ("missed", "turn", "setting"),
+    [
+        *((missed, TURNS[1], "default") for missed in (1e-4, -1e-5, 1e-6, -1e-7, 1e-8, 1e-9)),
+        *((missed, TURNS[0], how) for how in SETTINGS for missed in (1e-4, -1e-7, 1e-9)),
+    ],
+)
 def test_the_low_point_runs_round_the_rim(missed: float, turn: Rotation, setting: str) -> None:
     """And no energy is lost or made: without an impact nothing takes any."""
     run = Simulation(falling(missed, turn, **SETTINGS[setting])).run()
@@ -388,15 +393,6 @@ def test_a_cylinder_that_falls_nearly_flat_makes_no_energy(viscous: float) -> No
 
 
 @pytest.mark.parametrize("fixed", [True, False])
-@pytest.mark.parametrize("number", range(28, 40))
+@pytest.mark.parametrize("number", range(28, 34))
 def test_a_slip_that_turns_aside_ends_as_the_closed_form_says(number: int, fixed: bool) -> None:
     assert judged(case(0, number, fixed))[0] == "fine"
-
-
-def test_the_closed_form_of_a_slip_along_the_line_of_fall() -> None:
-    """Almost straight downhill it is v / (k - a), and the way v^2 / 2 (k - a)."""
-    slope, mu, v = 0.2, 0.5, 2.0
-    slows = 9.81 * (mu * np.cos(slope) - np.sin(slope))
-    stick, place = closed_form(slope, mu, v, 1e-7)
-    assert stick == pytest.approx(v / slows)
-    np.testing.assert_allclose(place, [v * v / (2.0 * slows), 0.0], rtol=1e-6, atol=1e-6)

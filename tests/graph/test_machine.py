@@ -205,12 +205,6 @@ def test_a_damaged_file_is_compiled_again(fresh, monkeypatch):
     )
 
 
-def test_without_a_writable_folder_it_compiles(fresh, monkeypatch):
-    monkeypatch.setattr(machine, "folder", lambda root: None)
-    outputs = traced(everything, 3, 1)
-    assert run(compile_law(outputs), 9, 0.5, (1.0, 2.0, 3.0), (4.0,))[-2] == 7.5
-
-
 def test_folders_of_older_versions_go(tmp_path, monkeypatch):
     monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
     for age in range(6):

@@ -17,9 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from rb_sim.checks.singular_configuration import LeastOf
-from rb_sim.graph.machine import compile_law
-from rb_sim.graph.symbols import Graph
 from rb_sim.integrate.attempt import (
     LOST,
     NEAR,
@@ -84,12 +81,6 @@ def test_it_ends_at_once_where_nothing_is_a_number() -> None:
     assert counts == [1.0, 0.0]
 
 
-def test_slow_corrections_run_out_of_sweeps() -> None:
-    worst, current, y, counts = returned(0.1, 1.5)
-    assert not current and counts == [POSITION_SWEEPS, POSITION_SWEEPS]
-    assert LOST < abs(y * y - 2.0) < worst < 0.25
-
-
 @entry
 def returned_by_code(share, y, count):
     worst, current = return_to_positions(Root(share, count), 0.0, y, 1.0, 0.0)
@@ -102,27 +93,3 @@ def test_compiled_it_is_the_same(share: float, start: float) -> None:
     signed = returned_by_code(share, y, count)
     worst, current, at, counts = returned(share, start)
     assert (signed, float(y[0]), count.tolist()) == (worst if current else -worst, at, counts)
-
-
-# The least number of a law at many instants.
-
-
-def law():
-    """(y0 - t, p0 / y1, y1, y0)."""
-    graph = Graph()
-    t, y, p = graph.input("t"), graph.vector("y", 2), graph.vector("p", 1)
-    return compile_law([y[0] - t, p[0] / y[1], y[1], y[0]])
-
-
-@pytest.mark.parametrize("told", [False, True])
-def test_least_number_and_its_place(told):
-    t = np.array([0.5, 0.0, 0.0, 0.0, 0.0])
-    # the least is the first, the second, none below 1, one beside no numbers, none of both at all
-    y = np.array([[0.7, 10.0], [9.0, 4.0], [9.0, 1.5], [0.25, 0.0], [3.0, np.nan]])
-    least, which = LeastOf(law(), np.array([3.0]), 4, told)(t, y)
-    if told:  # the last two numbers of the law
-        np.testing.assert_array_equal(least, [10.0, 4.0, 1.5, 0.0, 1.0])
-        np.testing.assert_array_equal(which[:4], [0, 9, 9, 0])
-        return
-    np.testing.assert_allclose(least, [0.2, 0.75, 1.0, 0.0, 1.0], rtol=1e-15)
-    np.testing.assert_array_equal(which[[0, 1, 3]], [0, 1, 2])

@@ -434,26 +434,3 @@ def test_a_folding_door_on_three_hinges_each_swings_as_two_rods_do(at: float) ->
     np.testing.assert_allclose(np.real(found.eigenvalues), 0.0, atol=1e-9)
     pairs = np.sort(np.abs(np.imag(found.eigenvalues)))
     np.testing.assert_allclose(pairs, np.sort(np.repeat(np.sqrt(squared), 2)), rtol=1e-9)
-
-
-@pytest.mark.parametrize("at", [0.0, 0.3])
-@pytest.mark.parametrize("share", [0.5, 0.999, 2.0])
-def test_a_top_that_stands_on_two_balls_and_a_rod_sleeps_from_its_threshold_on(
-    share: float, at: float
-) -> None:
-    """Growth sqrt(4 I1 m g l - M3^2) / 2 I1 below it, none above (LL section 35, problem 2)."""
-    mass, lever, across, axial, g = 1.3, 0.4, 0.05, 0.02, 9.81
-    about = across + mass * lever**2
-    threshold = math.sqrt(4.0 * about * mass * g * lever) / axial
-    body = {"mass": mass, "inertia": [across, across, axial], "position": [0, 0, lever]}
-    ball = {"type": "fixed_point", "body": "top", "point_B": [0, 0, -lever]}
-    rod = {"type": "distance", "body": "top", "point_A": [0, 0, 0]}
-    found = model_of_redundant(
-        at,
-        bodies={"top": body | {"angular_velocity": [0, 0, share * threshold]}},
-        constraints={"ball": ball, "again": ball, "rod": rod},
-        effects={"weight": {"type": "gravity"}},
-    )
-    growth = math.sqrt(max(0.0, 1.0 - share**2)) * axial * threshold / (2.0 * about)
-    assert len(found.states) == 6
-    assert np.real(found.eigenvalues).max() == pytest.approx(growth, abs=1e-8)

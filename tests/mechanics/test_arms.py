@@ -20,17 +20,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim import Simulation, load_scene
+from rb_sim import Simulation
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, SceneLaws
-from rb_sim.contact.stepping.stepping_motion import Joints
-from rb_sim.graph.machine import evaluate_rows
-from rb_sim.integrate.attempt import position_error
-from rb_sim.mechanics.contact.motion_kernels import HoldingRows
-from rb_sim.mechanics.systems.multibody import residual_of, write_rows
-from rb_sim.mechanics.table_laws import BODIES, TableLaws
-from rb_sim.scene.compile import compile_motion, compile_scene
+from rb_sim.scene.compile import compile_motion
 from rb_sim.scene.load import scene_from_mapping
-from tests.interpreted import interpreted
 from tests.mechanics.test_redundant import with_ball
 
 SIZES = (1e-6, 1.0, 1e3)
@@ -61,48 +54,12 @@ def tilted(y: Any) -> np.ndarray:
     return y
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("count", [2, BODIES])
-def test_laws_measure_a_tilt_at_the_end_of_its_arm(size: float, count: int) -> None:
-    compiled = compile_motion(scene_from_mapping(upright(size, count)), "maximal")
-    laws, system, y = compiled.laws, compiled.system, tilted(compiled.y)
-    assert laws is not None and isinstance(laws, TableLaws) == (count == BODIES)
-    inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
-    for law, width in ((laws.gap, 1), (laws.back, laws.n + 1)):
-        out = np.zeros((1, width))
-        evaluate_rows(law, np.zeros(1), y[None], inputs, out)
-        assert_allclose(out[0, -1], math.sin(TILT) * system.length, rtol=1e-9)
-
-
-def both_errors(scene: dict[str, Any]) -> tuple[float, ...]:
-    """The position error and the residual of the tilted scene with contacts."""
-    system = compile_scene(scene_from_mapping(scene)).system
-    y = tilted(compile_scene(scene_from_mapping(scene)).y)
-    of_held = position_error(HoldingRows(system), 0.0, y)[0]
-    write_rows(system, 0.0, y)
-    return of_held / system.length, residual_of(system, y)
-
-
 def beside_a_ball(size: float, method: str = "dopri853") -> dict[str, Any]:
     """One upright body, and a ball above a floor."""
     scene = with_ball(upright(size, 1, method))
     ball = {"shape": {"type": "sphere", "radius": 0.1 * size}, "position": [5 * size, 0, size]}
     scene["bodies"]["ball"] |= ball
     return scene
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_scenes_with_contacts_measure_it_alike(size: float) -> None:
-    found = interpreted(both_errors, beside_a_ball(size))
-    assert_allclose(found, math.sin(TILT), rtol=1e-9)
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_joints_under_time_stepping_measure_it_alike(size: float) -> None:
-    compiled = compile_scene(scene_from_mapping(beside_a_ball(size, "time_stepping")))
-    joints = Joints(compiled.system)
-    worst = joints.value(joints.laws.gap, 0.0, tilted(compiled.y), 1)[0]
-    assert_allclose(worst / compiled.system.length, math.sin(TILT), rtol=1e-9)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -116,17 +73,6 @@ def test_the_analysis_of_bags_measures_it_alike(size: float) -> None:
     assert reported is not None
     assert reported["relative"] == pytest.approx(math.sin(TILT), rel=1e-9)
     assert reported["position"]["axis0"]["largest"] == pytest.approx(math.sin(TILT), rel=1e-9)
-
-
-def test_a_contact_that_just_touches_violates_nothing() -> None:
-    """Its depth is the negative of a gap of 0."""
-    laws = SceneLaws(load_scene("bouncing_ball"))
-    figures, zero = ConstraintFigures(laws), np.zeros(1)
-    found = laws.at(zero, np.zeros((1, 13)) + np.eye(1, 13, 6))
-    none = np.zeros((1, 0))
-    figures.add(zero, found._replace(gap=none, slip=none, overlap=np.array([[-0.0]])))
-    reported = figures.as_dict()
-    assert reported is not None and f"{reported['relative']:.2g}" == "0"
 
 
 def welded(size: float) -> dict[str, Any]:

@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.mechanics.error_scales import Turn, of_pair, spin_lengths, ways_of
+from rb_sim.mechanics.error_scales import Turn, of_pair, spin_lengths
 
 
 def oscillators(amplitude: float, centre: float, **options: Any) -> dict[str, Any]:
@@ -54,7 +53,7 @@ def error(amplitude: float, centre: float = 0.0, **options: Any) -> float:
     return float(np.abs(way / amplitude - np.cos(10.0 * run.t)).max())
 
 
-@pytest.mark.parametrize("amplitude", [1.0, 1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("amplitude", [1.0, 1e-6, 1e-12])
 @pytest.mark.parametrize("options", [{}, {"method": "radau5", "tolerance": 1e-8}], ids=str)
 def test_an_oscillator_keeps_its_digits_at_any_size(
     amplitude: float, options: dict[str, Any]
@@ -63,8 +62,10 @@ def test_an_oscillator_keeps_its_digits_at_any_size(
     assert error(amplitude, **options) < 6e-9
 
 
-@pytest.mark.parametrize("joint", ["translation", "plane"])
-@pytest.mark.parametrize("method", ["dopri853", "radau5", "taylor"])
+@pytest.mark.parametrize(
+    ("joint", "method"),
+    [("translation", "dopri853"), ("translation", "radau5"), ("plane", "taylor")],
+)
 def test_a_small_part_on_a_guide_keeps_its_digits(joint: str, method: str) -> None:
     """It swings by a micrometre while nothing else moves: 5e-4 of it was lost in SI."""
     mapping = oscillators(1e-6, 0.0, method=method)
@@ -142,15 +143,6 @@ def test_a_heavy_body_carries_one_a_million_million_times_lighter() -> None:
     spin = np.linalg.norm(swinging.angular_velocity[:, 1], axis=1)
     own = 0.5 * speed**2 + 0.05 * spin**2 + 9.81 * swinging.position[:, 1, 2]
     assert np.ptp(own) < 1e-9
-
-
-def test_steps_at_the_usual_size_are_as_they_were() -> None:
-    """Bodies that move by a metre take the steps that max(1, |y|) gives, those of one alone."""
-    mapping = oscillators(1.0, 0.0)
-    mapping["effects"]["soft"]["stiffness"] = 1e-9
-    whole = Simulation(load_scene(mapping))
-    whole.run()
-    assert whole.steps < 40
 
 
 def beside_a_command(**more: Any) -> dict[str, Any]:
@@ -245,17 +237,15 @@ def linear(count: int, length: float, t: Array) -> Array:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(("length", "amplitude"), [(1.0, 1e-6), (1e-3, 1e-9)])
 @pytest.mark.parametrize(
-    ("count", "joint", "options"),
+    ("count", "joint", "length", "amplitude", "options"),
     [
-        (1, "fixed_axis", {}),
-        (1, "fixed_point", STIFF),
-        (1, "fixed_axis", SERIES),
-        (2, "fixed_point", {}),
-        (2, "fixed_axis", SERIES),
-        (3, "fixed_axis", STIFF),
-        (3, "fixed_point", {}),
+        (1, "fixed_axis", 1.0, 1e-6, {}),
+        (1, "fixed_point", 1e-3, 1e-9, STIFF),
+        (1, "fixed_axis", 1e-3, 1e-9, SERIES),
+        (2, "fixed_axis", 1.0, 1e-6, SERIES),
+        (3, "fixed_axis", 1.0, 1e-6, STIFF),
+        (3, "fixed_point", 1e-3, 1e-9, {}),
     ],
 )
 def test_a_swing_keeps_its_digits(
@@ -331,9 +321,8 @@ def error_of_motions(scene: dict[str, Any], amplitude: float) -> tuple[float, in
     return float(np.abs(way / amplitude - np.cos(10.0 * run.t)).max()), simulation.steps
 
 
-@pytest.mark.parametrize("drift", [0.0, 1.0, 10.0])
 @pytest.mark.parametrize(
-    "options", [{}, {"method": "taylor"}, {"method": "radau5", "tolerance": 1e-8}], ids=str
+    ("drift", "options"), [(0.0, STIFF), (1.0, {}), (1.0, STIFF), (10.0, SERIES)]
 )
 def test_a_micrometre_between_bodies_that_drift_keeps_its_digits(
     drift: float, options: dict[str, Any]
@@ -438,12 +427,11 @@ def test_many_pairs_keep_their_digits_as_one_does() -> None:
         assert np.abs(way / 1e-6 - np.cos(10.0 * run.t)).max() < 1e-7
 
 
-@pytest.mark.parametrize("links", [6, 20])
-def test_a_chain_that_falls_from_one_end_is_not_held_to_how_the_other_begins(links: int) -> None:
+def test_a_chain_that_falls_from_one_end_is_not_held_to_how_the_other_begins() -> None:
     """Its last links move by 1e-10 m to and fro before they whip by metres."""
     bodies: dict[str, Any] = {}
     joints: dict[str, Any] = {}
-    for i in range(links):
+    for i in range(20):
         bodies[f"b{i}"] = {"mass": 1.0, "inertia": [0.01, 0.09, 0.08], "position": [0.5 + i, 0, 0]}
         above = {"parent": f"b{i - 1}", "point_A": [0.5, 0, 0]} if i else {}
         end = {"type": "fixed_point", "body": f"b{i}", "point_B": [-0.5, 0, 0]}
@@ -455,28 +443,6 @@ def test_a_chain_that_falls_from_one_end_is_not_held_to_how_the_other_begins(lin
         "simulation": {"duration": 0.1, "rate": 20.0},
     }
     assert not Simulation(load_scene(scene)).held_bodies
-
-
-def test_what_the_search_costs_does_not_grow_as_the_square_of_the_bodies() -> None:
-    """A line of bodies on springs is moved in two goes, every other one at once."""
-    asked = []
-    for count in (4, 40):
-        acting = [SimpleNamespace(body=i, parent=i - 1) for i in range(1, count)]
-        y = np.zeros(13 * count)
-        y[7::13] = 1.0
-
-        def rate(t: float, at: Any, calls: list[int] = asked) -> Any:
-            calls[-1] += 1
-            slope, x = np.zeros(len(at)), np.pad(at[0::13], 1)
-            slope[7::13] = 1e4 * (x[:-2] - 2.0 * x[1:-1] + x[2:])
-            return slope
-
-        asked.append(0)
-        ways = ways_of(rate, y, SimpleNamespace(effects=acting), list(range(count)))
-        # x turns where 2e4 x^2 = v^2, as the places looked at, eight a decade, tell it; all at
-        # once they would not pull each other back
-        assert ways == pytest.approx([0.5**0.5 * 0.01] * count, rel=0.35)
-    assert asked[0] == asked[1]
 
 
 @pytest.mark.parametrize(("stiffness", "place"), [(1e290, 1e100), (1e300, 1.0)])
@@ -492,17 +458,7 @@ def test_numbers_beyond_all_steps_end_in_one_line(stiffness: float, place: float
         Simulation(load_scene(scene)).run(watched=False)
 
 
-# The measure of a body's velocities: beside its energy, its momenta, and in turned axes.
-
-
-def test_a_sphere_has_the_speed_of_its_energy() -> None:
-    mass, moment = 3.0, 0.4
-    (lengths,) = spin_lengths(moment * np.eye(3)[None], np.array([mass]))
-    w = np.array([1.0, -2.0, 0.5])
-    assert 0.5 * mass * np.sum((lengths @ w) ** 2) == pytest.approx(0.5 * moment * w @ w)
-
-
-def test_it_is_the_angular_momentum_over_the_largest_radius_of_gyration() -> None:
+def test_a_spin_counts_as_its_angular_momentum_over_the_largest_radius_of_gyration() -> None:
     """m |A w| = |I w| / R of two bodies at once, R = sqrt(largest moment / m)."""
     inertia, mass = np.array([np.diag([4.0, 3.0, 1e-6]), np.diag([0.5, 2.0, 2.0])]), [1.0, 0.5]
     w, radius = np.array([0.3, -0.2, 1e4]), [2.0, 2.0]
@@ -510,10 +466,3 @@ def test_it_is_the_angular_momentum_over_the_largest_radius_of_gyration() -> Non
     for k in range(2):
         expected = np.linalg.norm(inertia[k] @ w) / radius[k] / mass[k]
         assert np.linalg.norm(lengths[k] @ w) == pytest.approx(expected)
-
-
-def test_it_does_not_depend_on_the_axes_of_the_body() -> None:
-    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
-    own, w, mass = np.diag([2.0, 1.0, 0.01]), np.array([0.3, -0.2, 4.0]), np.array([0.7])
-    (one,), (other,) = (spin_lengths(i[None], mass) for i in (own, turn @ own @ turn.T))
-    assert np.linalg.norm(other @ turn @ w) == pytest.approx(np.linalg.norm(one @ w))

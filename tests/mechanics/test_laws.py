@@ -11,9 +11,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,10 +20,8 @@ from numpy.testing import assert_allclose
 from benchmarks.many_body_scenes import chain, lattice, on_springs
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.mechanics.inputs import FREE, fits, with_numbers
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.motion.motion import Motion
-from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping
@@ -43,8 +39,8 @@ def motion(mapping: dict[str, Any]) -> Motion:
 
 @pytest.mark.parametrize(
     "mapping",
-    [chain(24), on_springs(64), lattice(5)],
-    ids=["24 links", "64 springs", "25 bodies, 40 springs"],
+    [chain(24), lattice(5)],
+    ids=["24 links", "25 bodies, 40 springs"],
 )
 def test_a_scene_of_any_size_runs_and_keeps_its_energy(mapping):
     """Sizes at which walks that recurse over the types of a scene end in a RecursionError."""
@@ -64,9 +60,7 @@ def test_links_of_a_chain_at_rest_carry_what_hangs_below():
 
 
 @pytest.mark.parametrize("method", ["euler", "rk4", "gauss6", "dopri853", "radau5", "taylor"])
-@pytest.mark.parametrize(
-    "name", ["free", "fixed_point", "fixed_axis, B floats", "rolling ellipsoid"]
-)
+@pytest.mark.parametrize("name", ["fixed_point", "rolling ellipsoid"])
 def test_every_method_gives_the_same_numbers_interpreted(name, method):
     size = {"tolerance": 1e-10} if method == "taylor" else {"step": 0.01}
     options = {"method": method, "duration": 0.05, "rate": 40.0, "project_initial": True} | size
@@ -82,87 +76,6 @@ def test_interpreted_runs_give_the_same_numbers():
     plain = trajectory(chain(2, **options))
     for name in ("position", "orientation", "reaction_force", "kinetic_energy"):
         assert_allclose(getattr(compiled, name), getattr(plain, name), atol=1e-12, err_msg=name)
-
-
-@pytest.mark.parametrize("method", ["rk4", "dopri853", "gauss6", "euler"])
-@pytest.mark.parametrize("mapping", [chain(2), on_springs(3)], ids=["joints", "springs"])
-def test_a_run_in_parts_is_the_run_in_one_bit_for_bit(mapping, method):
-    mapping = mapping | {"simulation": mapping["simulation"] | {"method": method}}
-    whole, parts = motion(mapping), motion(mapping)
-    assert isinstance(whole, TracedMotion)
-    times = np.array([0.0105, 0.02, 0.0331])
-    one, two = np.zeros((2, 3, whole.width))
-    whole.run_to(times, one)
-    for k in range(3):
-        parts.run_to(times[k : k + 1], two[k : k + 1])
-    assert one.tobytes() == two.tobytes()
-    assert whole.steps == parts.steps
-
-
-@pytest.mark.parametrize("interpolation", ["hold", "linear"])
-def test_a_table_acts_between_its_instants_and_counts_at_its_last(interpolation):
-    """Piecewise constant and piecewise linear forces: rk4 on steps that end at the instants is
-    exact, and the power of the samples tells which value holds at an instant."""
-    times, force = [0.1, 0.35, 0.6], [2.0, -1.0, 4.0]
-    table = {
-        "type": "wrench_table",
-        "body": "b",
-        "times": times,
-        "forces": [[f, 0.0, 0.0] for f in force],
-        "interpolation": interpolation,
-    }
-    body = {"mass": 2.0, "inertia": [1.0, 1.0, 1.0], "linear_velocity": [1.0, 0.0, 0.0]}
-    mapping = {
-        "bodies": {"b": body},
-        "effects": {"table": table},
-        "simulation": {"duration": 0.6, "rate": 10.0, "method": "rk4", "step": 0.07},
-    }
-    moving = motion(mapping)
-    at = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.6, 0.8])
-    rows = np.zeros((len(at), moving.width))
-    moving.run_to(at, rows)
-    dense = np.linspace(0.0, 0.8, 80_001)
-    if interpolation == "hold":
-        index = np.clip(np.searchsorted(times, dense, side="right") - 1, 0, 2)
-        values = np.array(force)[index]
-        expected_power = [0.0, 2.0, 2.0, -1.0, -1.0, 4.0, 0.0]
-    else:
-        values = np.interp(dense, times, force)
-        expected_power = [0.0, 2.0, 0.8, -1.0, 2.0, 4.0, 0.0]
-    values = np.where((dense < 0.1) | (dense >= 0.6), 0.0, values)
-    middle = 0.5 * (values[1:] + values[:-1])
-    if interpolation == "hold":
-        middle = values[:-1]
-    impulse = np.concatenate([[0.0], np.cumsum(middle * np.diff(dense))])
-    speed = 1.0 + np.interp(at, dense, impulse) / 2.0
-    assert_allclose(rows[:, 7], speed, atol=1e-4)
-    assert_allclose(rows[:, 13 + 2], np.array(expected_power) * rows[:, 7], atol=1e-12)
-
-
-THREADS = """
-import threading
-from benchmarks.many_body_scenes import chain, on_springs
-from rb_sim.scene.load import scene_from_mapping
-from rb_sim import Simulation
-energies = {}
-def work(k, scene):
-    simulation = Simulation(scene_from_mapping(scene))
-    simulation.warm()
-    energies[k] = simulation.run().block.kinetic_energy[-1]
-scenes = [chain(2), on_springs(2), chain(2), on_springs(2)]
-threads = [threading.Thread(target=work, args=item) for item in enumerate(scenes)]
-for thread in threads: thread.start()
-for thread in threads: thread.join()
-assert energies[0] == energies[2] and energies[1] == energies[3]
-print("fine", len(energies))
-"""
-
-
-def test_simulations_start_in_several_threads_from_an_empty_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", ".")
-    done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "fine 4\n"), done.stderr
 
 
 @pytest.mark.parametrize("method", ["rk4", "euler"])
@@ -355,30 +268,3 @@ def test_what_differs_in_a_constant_of_the_family_keeps_its_own_laws() -> None:
     assert Simulation(other, family=family).compiled.laws is not family.laws
     thrown = load_scene(THROWN)
     assert Simulation(thrown, family=family).compiled.laws is not family.laws
-
-
-class Spring(NamedTuple):
-    stiffness: float
-    turns: int
-    table: np.ndarray
-
-
-@pytest.mark.parametrize(
-    ("other", "is_one"),
-    [
-        (Spring(2.0, 3, np.array([1.0, 5.0])), True),
-        (Spring(2.0, 3, np.array([1.5, 5.0])), False),
-        (Spring(2.0, 4, np.array([1.0, 2.0])), False),
-        (Spring(2, 3, np.array([1.0, 2.0])), False),
-        (Spring(2.0, 3, np.array([1.0, 2.0, 3.0])), False),
-        ((2.0, 3, np.array([1.0, 2.0])), False),
-    ],
-    ids=["free numbers", "a constant", "a count", "no float", "length", "another kind"],
-)
-def test_what_fits_a_pattern_differs_from_it_in_free_numbers_only(other: Any, is_one: bool) -> None:
-    first = Spring(1.0, 3, np.array([1.0, 2.0]))
-    pattern = with_numbers(first, {(0,): FREE, (2, 1): FREE})
-    assert fits(first, pattern)
-    assert fits(other, pattern) is is_one
-    whole_table = with_numbers(first, {(0,): FREE})
-    assert fits(first._replace(stiffness=9.0), whole_table) and not fits(other, whole_table)

@@ -25,23 +25,16 @@ from tests.mechanics.test_many_body_laws import (
     dense,
     velocities_of,
 )
-from tests.mechanics.test_tables import outputs
+from tests.numbers import outputs
 
 NEAR = 1e-4
 """How far from the manifold the states are; quaternions are off their length by as much."""
-HELD = ("tree", "spare line", "loop", "double", "cranks", "rod")
 
 
 def near(name: str) -> tuple[Any, np.ndarray]:
     """A compiled scene and a state near its manifold."""
     made, y = compiled_state(name, 4)
     return made, y + NEAR * np.random.default_rng(4).normal(size=len(y))
-
-
-def with_units(y: np.ndarray) -> np.ndarray:
-    found = y.copy().reshape(-1, 13)
-    found[:, 3:7] /= np.linalg.norm(found[:, 3:7], axis=1)[:, None]
-    return found.ravel()
 
 
 def arms(system: Any) -> np.ndarray:
@@ -80,47 +73,6 @@ def residuals(name: str, slow: bool) -> tuple[float, list[float]]:
 def test_the_residual_is_the_worst_violation(name: str, slow: bool) -> None:
     expected, reported = interpreted(residuals, name, slow)
     assert reported == pytest.approx([expected] * 2, rel=1e-9)
-
-
-def at_start(name: str) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """(what, expected, found) of errors, rank and lines that depend on others."""
-    from rb_sim.mechanics.initial_projection import (
-        dependent_rows,
-        relative,
-        rows_matrix,
-        start_on_manifold,
-    )
-
-    made, y = near(name)
-    y = with_units(y)
-    system, of, moved = made.system, dense(made.system, y), y.copy()
-    before, after, rank = start_on_manifold(system, INSTANT, moved)
-    slips = np.abs(of.rows @ velocities_of(y) - of.rate)
-    A = of.rows @ np.linalg.inv(of.mass) @ of.rows.T
-    expected_rank = int(np.linalg.matrix_rank(dense(system, moved).rows, tol=1e-7))
-    two = system._replace(length=2.0)
-    scaled = np.array([np.abs(of.error) * arms(two) / 2.0, slips * arms(two) / 3.0])
-    found = [
-        ("gaps", np.abs(of.error), before[0]),
-        ("slips", slips, before[1]),
-        ("after", np.zeros_like(after), after),
-        ("rank", np.array(expected_rank), np.array(rank)),
-        ("matrix", A, rows_matrix(system, INSTANT, y)),
-        ("relative", scaled, relative(two, before, 2.0, 3.0)),
-    ]
-    left_out = dependent_rows(system, moved)
-    kept = [k for k in range(len(of.error)) if k not in left_out.rows]
-    kept_rank = np.linalg.matrix_rank(dense(system, moved).rows[kept], tol=1e-7)
-    found.append(("independent", np.array(len(kept)), np.array(kept_rank)))
-    found.append(("of them all", np.array(expected_rank), np.array(len(kept))))
-    return found
-
-
-@pytest.mark.parametrize("name", HELD)
-def test_what_the_start_is_told_of_its_lines(name: str) -> None:
-    for what, expected, own in interpreted(at_start, name):
-        size = 1.0 + float(np.abs(expected).max())
-        assert_allclose(own, expected, rtol=0.0, atol=1e-12 * size, err_msg=what)
 
 
 def slopes(name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -25,9 +25,9 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from tests.interpreted import interpreted
-from tests.mechanics.test_tables import outputs
 from tests.mechanics.trees import SCENES
 from tests.moving import floats
+from tests.numbers import outputs
 
 INSTANT = 0.3
 

@@ -23,7 +23,6 @@ from rb_sim.mechanics.samples import (
     SampleRow,
     block_of_rows,
     concatenate,
-    in_order,
     row_width,
 )
 
@@ -60,8 +59,3 @@ def test_blocks_one_after_the_other() -> None:
     assert [given.index for given in whole.inputs] == [1, 3, 4]
     assert whole.position.shape == (5, 2, 3)
     assert len(concatenate([], PLAIN)) == 0
-
-
-def test_events_are_put_in_the_order_of_their_times() -> None:
-    events = [ContactEvent(t, name, "slips") for t, name in ((2.0, "a"), (1.0, "b"), (2.0, "c"))]
-    assert [event.contact for event in in_order(events)] == ["b", "a", "c"]

@@ -12,16 +12,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-from rb_sim.mechanics import laws
-from rb_sim.scene.compiled import forget
-from tests.one_body_scenes import JOINTS
-from tests.runs import trajectory
 
 G = 9.81
 
@@ -169,19 +163,3 @@ def test_a_fall_from_rest_through_air(how: dict[str, Any], coordinates: str) -> 
         del scene["simulation"]["tolerance"]
     found, _ = last(scene, coordinates)
     assert found[2] == pytest.approx(-math.log(math.cosh((G * c) ** 0.5 * duration)) / c, abs=1e-7)
-
-
-def test_a_jacobian_by_columns_takes_the_same_steps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As that of large laws is made; it has the bits of one by entries."""
-    ends = []
-    for most in (0, 10**6):
-        monkeypatch.setattr(laws, "BY_ENTRIES", most)
-        monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path / str(most)))
-        forget()
-        options = {"method": "gauss6", "step": 0.02, "duration": 0.2, "rate": 10.0}
-        scene = JOINTS["fixed_point"] | {"simulation": options | {"project_initial": True}}
-        block = trajectory(scene)
-        ends.append(np.concatenate([block.orientation.ravel(), block.angular_velocity.ravel()]))
-    np.testing.assert_array_equal(*ends)

@@ -16,9 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.many_body_scenes import star
-from tests.mechanics.test_tables import driven as changing
-from tests.mechanics.test_tables import hinged
+from benchmarks.many_body_scenes import chain, star
 from tests.one_body_scenes import INERTIA, Mapping
 
 
@@ -147,6 +145,52 @@ def two_stars() -> Mapping:
     bodies = scene["bodies"] | again
     simulation = {"project_initial": True}
     return scene | {"bodies": bodies, "constraints": constraints, "simulation": simulation}
+
+
+def hinged() -> dict[str, Any]:
+    """Four links on parallel hinges, the last one to the ground: a loop with redundant lines."""
+    scene = chain(4)
+    places = ([0, 0, 0.5], [0.5, 0, 1.0], [1.0, 0, 0.5], [1.0, 0.0, 0.0])
+    ends = ([0, 0, -0.5], [-0.5, 0, 0], [0, 0, 0.5], [0, 0, 0.0])
+    outer = (None, [0, 0, 0.5], [0.5, 0, 0], [0, 0, -0.5])
+    for i, (place, end, far) in enumerate(zip(places, ends, outer, strict=True)):
+        scene["bodies"][f"b{i}"]["position"] = place
+        joint = {"type": "fixed_axis", "body": f"b{i}", "point_B": end, "axis_B": [0, 1, 0]}
+        joint["bearing_distance"] = 0.2
+        if i:
+            joint |= {"parent": f"b{i - 1}", "point_A": far, "axis_A": [0, 1, 0]}
+        scene["constraints"][f"j{i}"] = joint
+    scene["constraints"]["ground"] = {"type": "fixed_point", "body": "b3", "point_B": [0, 0, 0]}
+    return scene
+
+
+def changing() -> dict[str, Any]:
+    """Every way in which something changes between steps, a rolling drive, and free spins."""
+    scene = chain(3)
+    scene["bodies"]["free"] = {
+        "mass": 2.0,
+        "inertia": [0.3, 0.2, 0.1],
+        "position": [0, 0, 5],
+        "angular_velocity": [0.1, 2.0, 0.1],
+    }
+    scene["effects"] |= {
+        "by_hand": {"type": "commanded_wrench", "body": "b1"},
+        "table": {
+            "type": "wrench_table",
+            "body": "b2",
+            "times": [0.0, 1.0],
+            "forces": [[1.0, 0.5, 0.0], [0.0, 2.0, 1.0]],
+            "interpolation": "linear",
+        },
+        "spring": {
+            "type": "spring",
+            "body": "b2",
+            "parent": "b0",
+            "stiffness": 30.0,
+            "rest_length": 0.9,
+        },
+    }
+    return scene
 
 
 SCENES = {

@@ -52,21 +52,6 @@ def test_value_slope_bounds_and_minimum(seed: int) -> None:
         assert min(found, 1.0 - found) < 1e-6
 
 
-def test_bounds_are_the_bernstein_coefficients() -> None:
-    """1, 3, -2, 1/2 on a span of 1/2: 3 (3 - 1) and 3 (1/2 + 2) are the derivatives by s."""
-    assert_allclose(cubic_range(1.0, 12.0, 0.5, 15.0, 0.5), (-2.0, 3.0), rtol=1e-15)
-
-
-def test_a_minimum_needs_a_curvature_or_a_slope() -> None:
-    """A constant and a straight line have none inside; a parabola has its own, upside down none."""
-    assert cubic_minimum(1.0, 0.0, 1.0, 0.0, 2.0) == -1.0
-    assert cubic_minimum(1.0, -1.0, -1.0, -1.0, 2.0) == -1.0
-    assert_allclose(cubic_minimum(0.25, -1.0, 0.25, 1.0, 1.0), 0.5)
-    assert cubic_minimum(0.0, 1.0, 0.0, -1.0, 1.0) == -1.0
-    assert cubic_minimum(0.0, 1.0, 2.0, 4.0, 1.0) == -1.0  # s^3 + s rises everywhere
-    assert cubic_minimum(2.25, -3.0, 0.25, -1.0, 1.0) == -1.0  # (s - 3/2)^2 has it beyond the span
-
-
 def test_tangents_meet_below_what_is_convex() -> None:
     place, value = tangents_meet(1.0, -2.0, 1.0, 2.0, 2.0)  # of (t - 1)^2 on 0..2: t = 1
     assert_allclose([place, value], [0.5, -1.0])

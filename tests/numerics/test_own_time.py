@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import threading
 from types import SimpleNamespace
 
 import pytest
@@ -56,13 +55,3 @@ def test_a_compilation_that_was_broken_off_has_ended(clock: SimpleNamespace) -> 
     assert own_time() == 100.0 and module._COMPILING.depth == 0
     clock.t = 106.0
     assert own_time() == 101.0
-
-
-def test_each_thread_has_its_own(clock: SimpleNamespace) -> None:
-    found: list[float] = []
-    module._COMPILING.begin()
-    clock.t = 110.0
-    other = threading.Thread(target=lambda: found.append(own_time()))
-    other.start()
-    other.join()
-    assert found == [110.0]

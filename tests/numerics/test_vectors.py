@@ -57,10 +57,6 @@ def test_quaternion_rate_is_the_derivative() -> None:
     assert_allclose(v.quaternion_rate(q, w), (after(h) - after(-h)) / (2.0 * h), atol=1e-9)
 
 
-def test_unit_quaternion() -> None:
-    assert_allclose(np.linalg.norm(v.quaternion_unit((3.0, -4.0, 12.0, 84.0))), 1.0, rtol=1e-15)
-
-
 def test_symmetric_matrices() -> None:
     root = RNG.normal(size=(3, 3))
     m = root @ root.T + 0.1 * np.eye(3)

@@ -16,18 +16,14 @@ natural scale of the case (weight, weight times length, ...).
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
-from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
-from rb_sim.base.errors import RbSimError, SceneError
+from rb_sim.base.errors import SceneError
 from rb_sim.trajectory.trajectory import Trajectory
-from tests import runs
 from tests.interpreted import trajectory
 from tests.oracles.compare import (
     STATE,
@@ -237,47 +233,3 @@ def test_oversize_output_step_of_a_stiff_spring(cases: dict[str, Any]) -> None:
         samples = np.array(case["samples"]["velocity_world"])[common]
         error = worst_vector(picked[[at[k] for k in common]], samples)
         assert error <= LIMIT * scales(case)["velocity_world"]
-
-
-@pytest.mark.parametrize("step", [0.01, 0.1, 1.0])
-@pytest.mark.parametrize("method", ["euler", "rk4", "dopri853", "gauss6"])
-@pytest.mark.usefixtures("no_advice")
-def test_fixed_step_far_too_large(step: float, method: str, cases: dict[str, Any]) -> None:
-    """At 150 rad/s: an error that names the step, or a state that is finite and on the joint.
-
-    The error of a fixed step is the choice of who fixes it, and a watch tells it
-    (tests/checks); NaN never comes out.
-    """
-    case = cases["heavytop_bruls_cardona"]
-    try:
-        run = trajectory(scene_of(case), duration=2.0, rate=10.0, method=method, step=step)
-    except RbSimError as error:
-        assert f"step {step:g} s is too large for {method}" in str(error)
-        return
-    assert np.isfinite(run.position).all() and np.isfinite(run.reaction_force).all()
-    assert run.residual.max() <= 1e-12
-
-
-def test_multiplier_of_lagranges_equations(cases: dict[str, Any]) -> None:
-    """A knife edge on an incline by LL 38.5, in generalised coordinates (x, y, phi).
-
-    L = m (x'^2 + y'^2)/2 + J phi'^2/2 + m g x sin(alpha), x down the slope, and
-    x' sin(phi) - y' cos(phi) = 0 give  m x'' = m g sin(alpha) + lambda sin(phi),
-    m y'' = -lambda cos(phi), and with the constraint differentiated once more
-    lambda = -m (g sin(alpha) sin(phi) + phi' (x' cos(phi) + y' sin(phi))).
-    """
-    case = cases["knife_edge_incline"]
-    m, g = case["body"]["mass"], -case["gravity"][2]
-    normal = np.array(case["constraint"]["plane_normal"])
-    down = np.array([normal[2], 0.0, -normal[0]])
-    across = np.cross(normal, down)
-    run = runs.trajectory(scene_of(case), duration=3.0, rate=20.0, tolerance=1e-13)
-    blade = Rotation.from_quat(run.orientation[:, 0]).apply([1.0, 0.0, 0.0])
-    phi = np.arctan2(blade @ across, blade @ down)
-    speed = run.linear_velocity[:, 0]
-    along = speed @ down * np.cos(phi) + speed @ across * np.sin(phi)
-    spin = run.angular_velocity[:, 0, 2]
-    multiplier = -m * (g * math.sin(math.atan2(normal[0], normal[2])) * np.sin(phi) + spin * along)
-    expected = multiplier[:, None] * (np.sin(phi)[:, None] * down - np.cos(phi)[:, None] * across)
-    force = run.reaction_force[:, 2]
-    assert_allclose(force, expected, rtol=0.0, atol=1e-11 * np.abs(force).max())

@@ -118,14 +118,3 @@ def test_a_rim_that_may_lie_flat_is_a_rim_as_long_as_it_leans(lean: float) -> No
     point, rate, expected, its_rate = interpreted(lying, tuple(gamma.tolist()))
     assert_allclose(point, expected, atol=1e-15)
     assert_allclose(rate, its_rate, rtol=1e-12)
-
-
-def test_a_rim_that_lies_flat_touches_somewhere() -> None:
-    """The rim has no lowest point then: one of its points, which stays."""
-    from rb_sim.catalogue.geometry import smooth_surfaces as c
-
-    axis = tuple((np.array(AXIS_SHAPES) / np.linalg.norm(AXIS_SHAPES)).tolist())
-    rim = c.LyingRimSurface(CENTRE, 0.3, axis)
-    point = np.array(interpreted(c.support, rim, axis)) - CENTRE
-    assert_allclose([np.linalg.norm(point), point @ axis], [0.3, 0.0], atol=1e-15)
-    assert interpreted(c.support_rate, rim, axis, GAMMA_DOT) == (0.0, 0.0, 0.0)

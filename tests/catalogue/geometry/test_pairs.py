@@ -33,7 +33,6 @@ from tests.moving import (
     brought,
     difference,
     floats,
-    moved,
     random_state,
     unit,
     velocity,
@@ -134,25 +133,6 @@ def test_rates_agree_with_differences(name: str, seed: int) -> None:
     assert_rates(lambda B, A: pairs.touching(pair, B, A), B, A)
 
 
-@pytest.mark.parametrize("name", ("point on plane", *SMOOTH, *ROUND))
-@FEW
-@given(SEEDS)
-def test_moved_world(name: str, seed: int) -> None:
-    """Turning and shifting the world turns and shifts the contact."""
-    rng = np.random.default_rng(seed)
-    pair, B, A = example(name, rng)
-    turn, shift = Rotation.from_rotvec(rng.normal(size=3)), rng.normal(size=3)
-    here, there = (
-        pairs.touching(pair, B, A),
-        pairs.touching(pair, moved(B, turn, shift), moved(A, turn, shift)),
-    )
-    assert_allclose(there.gap, here.gap, atol=1e-13)
-    assert_allclose(there.point, turn.apply(here.point) + shift, atol=1e-13)
-    for field in ("normal", "normal_rate", "point_rate"):
-        expected = turn.apply(getattr(here, field))
-        assert_allclose(getattr(there, field), expected, atol=1e-12 * (1.0 + abs(expected).max()))
-
-
 MOTIONS = {
     "turntable": pairs.Turntable((0.3, -0.2, 0.5), (0.4, -1.1, 0.7)),
     "turntable at rest": pairs.Turntable((0.3, -0.2, 0.5), (0.0, 0.0, 0.0)),
@@ -181,26 +161,6 @@ def test_carriers(name: str, t: float) -> None:
         difference(lambda s: Rotation.from_quat(support(s)[0].q_WB).apply(S.w_WB_B)),
         atol=1e-9,
     )
-
-
-def test_turntable_keeps_its_axis() -> None:
-    """The point stays, and after a full turn everything is back."""
-    motion = MOTIONS["turntable"]
-    rate = float(np.linalg.norm(motion.spin))
-    for t in (0.0, 1.3, 2.0 * np.pi / rate):
-        S = pairs.carrier(motion, t, None)[0]
-        assert_allclose(at(S, motion.point), motion.point, atol=1e-14)
-    assert_allclose(at(S, (1.0, 2.0, 3.0)), (1.0, 2.0, 3.0), atol=1e-13)
-
-
-def test_what_is_shaken_is_where_it_is_told_to_be() -> None:
-    S = pairs.carrier(MOTIONS["shaken"], 0.7, None)[0]
-    assert_allclose(S.p_WC, np.sin(5.0 * 0.7 + 0.7) * np.array([0.1, 0.2, -0.3]), atol=1e-15)
-
-
-def test_resting_support_is_the_parent_itself() -> None:
-    S = random_state(np.random.default_rng(1))
-    assert pairs.carrier(pairs.Resting(), 2.0, S) == (S, (0.0,) * 3, (0.0,) * 3, 0.0)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "cylinder"])

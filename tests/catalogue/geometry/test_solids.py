@@ -25,11 +25,10 @@ from scipy.optimize import minimize, nnls
 from scipy.spatial.transform import Rotation
 
 from rb_sim.catalogue.geometry import solids
-from rb_sim.catalogue.geometry.hull import hull_at, hull_of, packed
-from rb_sim.catalogue.geometry.pairs import BallOnSolid, BallOnSphere, SolidOnSphere, touching
-from rb_sim.numerics.kernels import place_of
+from rb_sim.catalogue.geometry.hull import hull_of
+from rb_sim.catalogue.geometry.pairs import BallOnSolid, SolidOnSphere, touching
 from tests.interpreted import interpreted
-from tests.moving import assert_rates, at, brought, moved, random_state
+from tests.moving import assert_rates, at, brought, random_state
 
 SEEDS = range(3)
 CENTRE = (0.3, -0.2, 0.1)
@@ -203,16 +202,6 @@ def test_nearest_point(name: str, place: str, seed: int) -> None:
             assert reaches(name, v) - v @ x >= -distance - 1e-15
 
 
-def test_every_feature_is_met() -> None:
-    """Points all over: nearest points on faces, edges and corners are among those tested."""
-    met = set()
-    for seed, place in itertools.product(SEEDS, PLACES["points all over"].values()):
-        _, u = found("points all over", place(np.random.default_rng(seed)))
-        depth = reaches("points all over", u) - ROUND @ u
-        met.add(int(np.sum(depth <= 1e-12)))
-    assert met == {1, 2, 3}
-
-
 ROLES = {
     "ball on it": lambda solid: (BallOnSolid((0.2, 0.1, -0.3), 0.1, solid), False),
     "it on a sphere": lambda solid: (SolidOnSphere(solid, (0.2, 0.1, -0.3), 0.5), True),
@@ -258,21 +247,6 @@ def test_point_and_normal(name: str, place: str, role: str) -> None:
         assert_allclose((gaps[1] - gaps[0]) / 2e-5, touch.normal @ e, atol=1e-9)
 
 
-@pytest.mark.parametrize("role", ROLES)
-@pytest.mark.parametrize(("name", "place"), CASES)
-def test_moved_world(name: str, place: str, role: str) -> None:
-    """Turning and shifting the world turns and shifts the contact."""
-    pair, B, A = example(name, place, role, 4)
-    turn, shift = Rotation.from_rotvec((0.7, -1.1, 0.5)), np.array([2.0, -1.0, 0.5])
-    here = touching(pair, B, A)
-    there = touching(pair, moved(B, turn, shift), moved(A, turn, shift))
-    assert_allclose(there.gap, here.gap, atol=1e-13)
-    assert_allclose(there.point, turn.apply(here.point) + shift, atol=1e-13)
-    for field in ("normal", "normal_rate", "point_rate"):
-        expected = turn.apply(getattr(here, field))
-        assert_allclose(getattr(there, field), expected, atol=1e-12 * (1.0 + abs(expected).max()))
-
-
 # the same body in two ways
 
 
@@ -286,57 +260,6 @@ def test_hull_is_the_body(points: str, body: str, seed: int) -> None:
         known, _, _ = example(body, place, "it on a sphere", seed)
         for a, b in zip(touching(pair, B, A), touching(known, B, A), strict=True):
             assert_allclose(a, b, atol=1e-12 * (1.0 + np.abs(b).max()))
-
-
-def test_hull_of_one_point() -> None:
-    """However often it is listed."""
-    r = (0.1, 0.2, 0.3)
-    rng = np.random.default_rng(5)
-    B, A = random_state(rng), random_state(rng)
-    known = touching(BallOnSphere(r, 0.0, CENTRE, 0.5, 1.0), B, A)
-    for points in ([r], [r, r, r]):
-        found = touching(SolidOnSphere(hull_of(points), CENTRE, 0.5), B, A)
-        for a, b in zip(found, known, strict=True):
-            assert_allclose(a, b, atol=1e-14 * (1.0 + np.abs(b).max()))
-
-
-@pytest.mark.parametrize("name", [name for name in SOLIDS if name.startswith("points")])
-def test_packed_tables_are_those_of_the_hull(name: str) -> None:
-    """Traced laws find the hull by the place of its numbers."""
-    hull = SOLIDS[name]
-    numbers = packed(hull)
-    there = hull_at(place_of(numbers))
-    for field in ("faces", "sides", "first", "edges"):
-        np.testing.assert_array_equal(getattr(there, field), getattr(hull, field))
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_points_of_a_line_are_one_edge_from_end_to_end(seed: int) -> None:
-    ends = np.random.default_rng(seed).normal(size=(2, 3))
-    points = ends[0] + np.array([0.3, 1.0, 0.0, 0.7])[:, None] * (ends[1] - ends[0])
-    ((*start, x, y, z, length),) = hull_of(points.tolist()).edges
-    found = {tuple(np.round(start, 12)), tuple(np.round(start + length * np.array([x, y, z]), 12))}
-    assert found == {tuple(np.round(end, 12)) for end in ends}
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_faces_are_merged(seed: int) -> None:
-    """Of a turned and shifted box, plate and line: 6 faces and 12 edges, 2 and 4, none and one."""
-    rng = np.random.default_rng(seed)
-    turn, shift = Rotation.random(random_state=seed), rng.normal(size=3)
-    for points, faces, edges in ((BOX, 6, 12), (PLATE, 2, 4), (LINE, 0, 1)):
-        hull = hull_of((turn.apply(rng.permutation(points)) + shift).tolist())
-        assert (len(hull.faces), len(hull.edges)) == (faces, edges)
-        assert len(hull.sides) == 2 * edges if faces else len(hull.sides) == 0
-
-
-def test_hull_of_a_prism() -> None:
-    """Regular, of 30 sides: as many faces, edges and sides as it has."""
-    angles = 2.0 * np.pi * np.arange(30) / 30
-    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(30)], axis=1)
-    hull = hull_of([*(ring + [0.0, 0.0, 0.1]).tolist(), *(ring - [0.0, 0.0, 0.1]).tolist()])
-    assert (len(hull.faces), len(hull.edges), len(hull.sides)) == (32, 90, 180)
-    assert_allclose(hull.reach, np.hypot(1.0, 0.1))
 
 
 # Where two boxes touch, against the distance of their surfaces by another way.
@@ -401,44 +324,3 @@ def test_boxes_that_touch(seed: int) -> None:
             min(len(interpreted(found_of_boxes, q_A, (0.0, 0.0, 0.0), q_B, far, 1e-3)[0]), 1)
             == some
         )
-
-
-def test_faces_that_lie_on_each_other() -> None:
-    """Shifted squares: the corners of what both cover; turned ones: an octagon."""
-    upright = (0.0, 0.0, 0.0, 1.0)
-    points, n = interpreted(
-        found_of_boxes, upright, (0.0, 0.0, 0.0), upright, (0.02, 0.05, 0.1), 1e-3
-    )
-    corners = sorted(map(tuple, np.round(points[:, :3], 8)))
-    assert corners == [(-0.02, -0.01, 0.03), (-0.02, 0.08, 0.03), (0.05, -0.01, 0.03),
-                       (0.05, 0.08, 0.03)]  # fmt: skip
-    assert_allclose(points[:, 3], 0.0, atol=1e-16)
-    assert_allclose(n, [0.0, 0.0, 1.0])
-    turned = tuple(Rotation.from_euler("z", 50.0, degrees=True).as_quat())
-    points, _ = interpreted(found_of_boxes, upright, (0.0, 0.0, 0.0), turned, (0.0, 0.0, 0.1), 1e-3)
-    assert 4 <= len(points) <= 8
-    assert (np.abs(points[:, :2]) <= np.array(HALF_A[:2]) + 1e-9).all()
-
-
-@pytest.mark.parametrize("angle", [1.0, 1.4, 1.8])
-@pytest.mark.parametrize("gap", [-1e-4, 5e-4])
-def test_edges_that_cross_at_an_angle(angle: float, gap: float) -> None:
-    """Both boxes stand on an edge, turned by 45 degrees about it; seen from above the upper edge of
-    the first and the lower one of the second make the angle. They meet above the middles."""
-    on_edge = Rotation.from_rotvec([0.25 * np.pi, 0.0, 0.0])
-    q_B = (Rotation.from_rotvec([0.0, 0.0, angle]) * on_edge).as_quat()
-    top, below = ((half[1] + half[2]) * 0.5**0.5 for half in (HALF_A, HALF_B))
-    # the edge stands beside the middle where the sides beside it are not equal
-    beside = [(half[2] - half[1]) * 0.5**0.5 for half in (HALF_A, HALF_B)]
-    across = np.array([-np.sin(angle), np.cos(angle)])
-    c_B = np.array([0.0, 0.0, top + below + gap])
-    points, n = interpreted(
-        found_of_boxes, tuple(on_edge.as_quat()), (0.0,) * 3, tuple(q_B), tuple(c_B), 1e-3
-    )
-    assert_allclose(n, [0.0, 0.0, 1.0], atol=1e-12)
-    assert len(points) == 1
-    x, y, z, found_gap = points[0]
-    assert found_gap == pytest.approx(gap, abs=1e-15)
-    assert z == pytest.approx(top + gap, abs=1e-15)
-    assert abs(y) == pytest.approx(abs(beside[0]), abs=1e-15)
-    assert abs(across @ [x, y]) == pytest.approx(abs(beside[1]), abs=1e-15)

@@ -20,10 +20,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from rb_sim import load_scene
-from rb_sim.accuracy.choice import Setting
-from rb_sim.contact.choose_motion import motion_of
-from rb_sim.contact.events.event_motion import ContactMotion
-from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import G, ball, body, box, scene, touch
 from tests.contact_runs import ContactRun, contact_run
 
@@ -48,17 +44,6 @@ def test_what_is_passed_in_one_long_step_is_hit(duration: float) -> None:
     assert_allclose(found.times("impact"), [0.5 - 0.5 * math.sqrt(0.2**2 - 0.05**2)], atol=1e-13)
 
 
-def test_earliest_of_several_is_hit() -> None:
-    """Two in the way, both passed in the first step."""
-    bodies = {
-        "a": ball([5, 0, 0]), "c": ball([2, 0, 0]),
-        "b": ball([-1, 0.15, 0], linear_velocity=[2, 0, 0]),
-    }  # fmt: skip
-    hits = {n: touch("b", parent=n, surface={"type": "shape"}, restitution=1.0) for n in "ac"}
-    found = run(scene(bodies, hits, gravity=False), [0.0, 10.0])
-    assert [e.contact for e in found.events if e.kind == "impact"] == ["c"]
-
-
 def test_bounces_of_a_shaken_table() -> None:
     """The table comes and goes many times during one flight: the first touch is found."""
     motion = {"type": "shaken", "direction": [0, 0, 1], "amplitude": 0.03, "frequency": 20.0}
@@ -79,20 +64,6 @@ def test_bounces_of_a_shaken_table() -> None:
     (impulse, *_) = (e.impulse for e in found.events if e.kind == "impact")
     assert_allclose(impulse, [0.0, 0.0, after - before], atol=1e-9)
     assert found.balance() <= 1e-9
-
-
-def test_spinning_ball_stops() -> None:
-    """I w / (arm N)."""
-    mapping = scene(
-        ball([0, 0, 0.1], angular_velocity=[0, 0, 3.0]), touch(mu=0.4, spinning_resistance=0.002)
-    )
-    stop = 0.4 * 0.01 * 3.0 / (0.002 * G)
-    found = run(mapping, [0.0, 0.5 * stop, stop + 0.1])
-    assert_allclose(found.times("stops spinning"), [stop], atol=1e-10)
-    w = found.trajectory.angular_velocity["body"]
-    assert_allclose(w[1], [0, 0, 1.5], atol=1e-11)
-    assert (w[2] == 0.0).all()
-    assert_allclose(found.trajectory.reaction["floor"].torque[1], [0, 0, -0.002 * G], atol=1e-12)
 
 
 def test_bilateral_contact_pulls() -> None:
@@ -245,7 +216,7 @@ def test_run_split_in_two_is_the_run_in_one(method: str) -> None:
 
 def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
     """State and time at the end of a run made in these pieces, events included."""
-    from rb_sim import Simulation, load_scene
+    from rb_sim import Simulation
 
     simulation = Simulation(load_scene(mapping))
     for piece in pieces[:-1]:
@@ -255,72 +226,6 @@ def _split(mapping: Any, pieces: tuple[float, ...]) -> list[Any]:
     last = simulation.sample().block
     names = ("position", "orientation", "linear_velocity", "angular_velocity", "reaction_force")
     return [list(simulation.events), *(getattr(last, name).tolist() for name in names)]
-
-
-def test_a_motion_takes_the_step_of_its_next_method() -> None:
-    """`accuracy` and `auto` run one motion under many settings."""
-    mapping = scene(ball([0, 0, 1.0]), touch(restitution=0.5))
-    assert _steps(mapping, (0.05, 0.0125, 0.05)) == [8, 32, 8]
-
-
-def _steps(mapping: Any, steps: tuple[float, ...]) -> list[int]:
-    """Steps to 0.4 s, in free fall, of one motion under rk4 with each step in turn."""
-    from rb_sim import load_scene
-    from rb_sim.contact.choose_motion import motion_of
-    from rb_sim.mechanics.methods import METHODS
-    from rb_sim.scene.compile import compile_scene
-
-    fixed = METHODS["rk4"].fixed
-    assert fixed is not None
-    motion, counts = motion_of(compile_scene(load_scene(mapping)), fixed(1.0)), []
-    for step in steps:
-        motion.method = fixed(step)
-        motion.reset()
-        motion.run_to([0.4])
-        counts.append(motion.steps)
-    return counts
-
-
-@pytest.mark.parametrize("speed", [0.0, 2.0])
-def test_a_compiled_motion_starts_again_as_it_started(
-    speed: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The first start is interpreted, the next ones are not, which are many in searches: the same
-    modes, states and events, to the last bit."""
-    lies = box([0.4, 0.3, 0.2], [0.0, 0.0, 0.1], linear_velocity=[speed, 0.0, 0.0])
-    compiled = compile_scene(load_scene(scene(lies, touch(mu=0.3, kinetic=0.2))))
-    motion = motion_of(compiled, Setting("dopri853", tolerance=1e-9).build(1.0))
-    first, begun = motion.sample(), list(motion.events)
-    motion.warm()
-    monkeypatch.delattr(ContactMotion, "_begin")
-    motion.reset()
-    assert np.array_equal(motion.sample(), first)
-    assert list(motion.events) == begun and len(begun) >= 4
-
-
-def test_third_law() -> None:
-    """Two balls that collide, slip and spin: momentum and angular momentum are kept."""
-    bodies = {
-        "a": ball([0, 0, 0], angular_velocity=[1, 2, 3]),
-        "b": ball([-1, 0.05, 0.02], 0.15, linear_velocity=[2, 0, 0], angular_velocity=[-3, 1, 5])
-        | {"mass": 2.0},
-    }
-    pull = {"type": "spring", "body": "b", "parent": "a", "stiffness": 20.0, "rest_length": 0.0}
-    hit = touch("b", mu=0.3, parent="a", surface={"type": "shape"}, restitution=0.5)
-    found = run(
-        scene(bodies, {"hit": hit}, gravity=False, pull=pull),
-        np.linspace(0, 1.5, 16),
-        tolerance=1e-9,
-    )
-    block = found.trajectory.block
-    assert len(found.times("impact")) >= 3
-    assert_allclose(block.momentum, block.momentum[[0]].repeat(16, 0), atol=1e-12)
-    size = np.abs(block.angular_momentum[0]).max()
-    assert_allclose(
-        block.angular_momentum, block.angular_momentum[[0]].repeat(16, 0), atol=1e-8 * size
-    )
-    assert found.balance() <= 1e-7
-    assert (np.diff(found.trajectory.energy) <= 1e-9).all()
 
 
 @pytest.mark.parametrize(("e", "mu"), [(0.0, 0.5), (0.4, 0.1), (0.9, 2.0)])

@@ -23,8 +23,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.instant import Instant, bring_back, leap, stopping_impulse
-from rb_sim.contact.impacts import STRUCK, strike
-from rb_sim.mechanics.contact.contact_bodies import CLOSED, GAP, GAP_RATE
+from rb_sim.mechanics.contact.contact_bodies import GAP, GAP_RATE
 from tests.contact.scenes import G, ball, scene, touch
 from tests.contact_runs import contact_run
 from tests.interpreted import interpreted
@@ -141,26 +140,6 @@ def test_poissons_e_gives_back_its_share_of_the_compression(
     np.testing.assert_allclose(after[1:], 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("mass", [1e-20, 1e15])
-@pytest.mark.parametrize("speed", [1e-3, 1e3])
-def test_impulses_grow_with_mass_and_speed(mass: float, speed: float) -> None:
-    """The impulse of a nanogram has as many digits as that of a kilogram."""
-    d = np.array([1.0, 0.0])
-    A = np.block([[np.array([[NORMAL]]), COUPLED * d[None]], [COUPLED * d[:, None], np.eye(2)]])
-    v = np.array([0.0, *(SLIP * d)])
-    one = stopping_impulse(A, v, FRICTION, 0.3)
-    other = stopping_impulse(A / mass, speed * v, FRICTION, 0.3)
-    assert one is not None and other is not None
-    np.testing.assert_allclose(other / (mass * speed), one, rtol=1e-9, atol=1e-12)
-
-
-def test_a_slip_that_friction_turns_aside_is_not_stopped() -> None:
-    """The slip along the coupling is gone first, while friction slows the other a tenth as much:
-    the contact comes back while it slips, and no impulse within the bound stops it."""
-    A = np.array([[NORMAL, COUPLED, 0.0], [COUPLED, 1.1, 0.0], [0.0, 0.0, 0.1]])
-    assert stopping_impulse(A, np.array([0.0, 1.0, 0.8]), FRICTION, 0.0) is None
-
-
 # A step of impulses books the work of every contact force.
 
 
@@ -266,21 +245,3 @@ def test_a_drag_that_lifts_its_body_off_is_refused(
         return
     with pytest.raises(RbSimError, match="viscous contact floor can neither stay closed nor open"):
         contact_run(mapping, np.linspace(0.0, 0.05, 3))
-
-
-def slip_after_one_impact() -> float:
-    """Of a perfectly rough ball that lies on the floor, was given a slip, and strikes [m/s]."""
-    lying = scene(ball([0, 0, 0.1]), touch(friction=ROUGH))
-    motion: Any = Simulation(load_scene(lying))._motion
-    y = np.array(motion.compiled.y)
-    y[7] = 0.1
-    motion.system.contact_table[0, CLOSED] = 1.0
-    instant = Instant(motion.laws, motion._call, 0.0, y)
-    assert instant.slip_speed(0) > 0.05
-    assert strike(instant.system, instant.workspace, 0.0, y, False) == STRUCK
-    return instant.slip_speed(0)
-
-
-def test_one_impact_stops_what_is_perfectly_rough_and_lies() -> None:
-    """It needs no push for that; an impact without any impulse was repeated without end."""
-    assert interpreted(slip_after_one_impact) < 1e-15

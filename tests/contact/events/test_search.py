@@ -106,8 +106,7 @@ def above_a_shaken_floor(
     return mapping, brentq(gap, times[after - 1], times[after], xtol=1e-15)
 
 
-@pytest.mark.parametrize("clearance", [0.052, 0.06])
-@pytest.mark.parametrize("step", [0.7, 1.0])
+@pytest.mark.parametrize(("clearance", "step"), [(0.052, 0.7), (0.06, 1.0)])
 def test_a_step_that_takes_too_many_looks_is_made_shorter(clearance: float, step: float) -> None:
     """The gap comes near zero some 50 times in the step: more than is looked at in one."""
     mapping, when = above_a_shaken_floor(clearance)
@@ -137,27 +136,6 @@ def steps_of_a_bounce(damping: float) -> int:
 def test_what_leaves_a_damped_support_takes_no_shorter_steps() -> None:
     """Its force vanishes before the overlap does; where that ends nothing happens."""
     assert steps_of_a_bounce(20.0) <= 1.5 * steps_of_a_bounce(0.0)
-
-
-def overlap_seen() -> float:
-    """What the residual of a sample tells of a ball set 1 mm into the floor, its contact open."""
-    from rb_sim import load_scene
-    from rb_sim.mechanics.contact.contact_bodies import CLOSED
-    from rb_sim.mechanics.system import sample
-    from rb_sim.motion.motion import row_width
-    from rb_sim.scene.compile import compile_scene
-
-    ball = body({"type": "sphere", "radius": 0.5}, [0.0, 0.0, 0.5])
-    compiled = compile_scene(load_scene(scene(ball, touch())))
-    y, out = compiled.y.copy(), np.zeros(row_width(compiled.layout))
-    y[2] -= 1e-3
-    compiled.system.contact_table[:, CLOSED] = 0.0
-    sample(compiled.system, 0.0, y, out)
-    return float(out[-1 - len(compiled.layout.contacts) - 1])
-
-
-def test_residual_sees_the_gap_of_an_open_contact() -> None:
-    assert_allclose(overlap_seen(), 1e-3 / 0.5, rtol=1e-9)
 
 
 def past_corner(depth: float, speed: float, spin: float) -> tuple[dict[str, Any], float]:
@@ -194,9 +172,9 @@ def past_corner(depth: float, speed: float, spin: float) -> tuple[dict[str, Any]
     return mapping, float(brentq(inside, before, when, xtol=1e-14))
 
 
-@pytest.mark.parametrize("spin", [0.0, 1.0, 4.0])
+@pytest.mark.parametrize("spin", [0.0, 4.0])
 @pytest.mark.parametrize("speed", [1.0, 12.0])
-@pytest.mark.parametrize("depth", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("depth", [1e-4, 1e-2])
 def test_no_point_cuts_through_a_corner(depth: float, speed: float, spin: float) -> None:
     """In by one face and out by the next, the gap to a solid has a kink between, in one step."""
     mapping, hit = past_corner(depth, speed, spin)
@@ -204,8 +182,8 @@ def test_no_point_cuts_through_a_corner(depth: float, speed: float, spin: float)
     assert_allclose(found.times("impact")[0], hit, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("setting", [{"tolerance": 1e-3}, {"tolerance": 1e-4}, {"tolerance": 1e-6}])
-@pytest.mark.parametrize("start", [-0.6, 0.2, 0.6, 1.0])
+@pytest.mark.parametrize("setting", [{"tolerance": 1e-3}, {"tolerance": 1e-6}])
+@pytest.mark.parametrize("start", [-0.6, 0.6])
 def test_a_soft_floor_is_met_within_a_long_step(start: float, setting: dict[str, Any]) -> None:
     """The end of a rod that spins at w, h above a soft floor, is at h - (l/2) sin(w t - start): no
     loose tolerance may step over the time in which it is below."""
@@ -254,7 +232,7 @@ def depth(shape: dict[str, Any], radius: float, p: np.ndarray) -> np.ndarray:
     return radius - outside - np.minimum(beyond.max(axis=1), 0.0)
 
 
-@pytest.mark.parametrize("number", range(30))
+@pytest.mark.parametrize("number", range(12))
 def test_nothing_falls_through(number):
     rng = np.random.default_rng([20261128, number])
     shape, top = solid(("sphere", "box", "cylinder")[number % 3], 10 ** rng.uniform(-2, 1), rng)
@@ -328,8 +306,8 @@ def deepest(scene: dict[str, Any], points: np.ndarray, tolerance: float, duratio
     return float(beyond.max() if sphere["side"] == "inside" else -beyond.min())
 
 
-@pytest.mark.parametrize("seed", [43, 46, 76, 124, *range(8)])
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-6])
+@pytest.mark.parametrize("seed", [43, 46, 76, 124])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 def test_an_end_that_dips_before_another_one_hits_is_not_missed(seed, tolerance):
     """A step of half a turn ends with one end of the rod in the bowl; the other end was in it, and
     out again, before."""
@@ -344,43 +322,6 @@ def test_points_swing_through_nothing_within_half_a_turn(tolerance):
     scene["bodies"]["b"]["inertia"] = [0.2, 0.25, 0.3]
     scene["constraints"]["c"]["points"] = CORNERS.tolist()
     assert deepest(scene, CORNERS, tolerance, 2.0) < 1e-6
-
-
-# Tens of balls by events: each keeps the closed form of its own fall and bounce.
-
-
-G_BALLS, R, E, END = 9.81, 0.1, 0.9, 0.29
-HEIGHTS = 0.1 + 0.009 * np.arange(32)
-"""Of the lowest points [m]; every ball bounces once before END."""
-
-
-def balls():
-    names = [f"b{i}" for i in range(len(HEIGHTS))]
-    shape = {"type": "sphere", "radius": R}
-    bodies = {
-        name: {"mass": 1.0, "shape": shape, "position": [float(i), 0.0, R + float(height)]}
-        for i, (name, height) in enumerate(zip(names, HEIGHTS, strict=True))
-    }
-    floor = {"type": "contact", "restitution": E}
-    return {
-        "bodies": bodies,
-        "constraints": {f"floor_{name}": floor | {"body": name} for name in names},
-        "effects": {"weight": {"type": "gravity"}},
-        "simulation": {"duration": END, "method": "rk4", "step": 0.05, "rate": 1.0 / END},
-    }
-
-
-def test_thirty_two_balls_bounce_at_their_own_instants():
-    run = Simulation(load_scene(balls())).run()
-    falls = np.sqrt(2.0 * HEIGHTS / G_BALLS)
-    struck = {event.contact: event.t for event in run.events if event.kind == "impact"}
-    assert len(struck) == len([e for e in run.events if e.kind == "impact"]) == 32
-    found = np.array([struck[f"floor_b{i}"] for i in range(32)])
-    np.testing.assert_allclose(found, falls, atol=1e-12)
-    up = END - falls
-    heights = R + E * G_BALLS * falls * up - 0.5 * G_BALLS * up**2
-    ends = np.array([run.position[f"b{i}"][-1, 2] for i in range(32)])
-    np.testing.assert_allclose(ends, heights, atol=1e-12)
 
 
 # States inside a long step of an implicit method, where one step to them has no solution.

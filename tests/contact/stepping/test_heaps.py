@@ -47,8 +47,7 @@ def moved(trajectory: Any) -> float:
 @pytest.mark.parametrize(
     ("count", "step", "duration"),
     [
-        (2, 1e-2, 100.0), (2, 1e-3, 1.0), (2, 1e-4, 0.5), (3, 1e-3, 1.0), (5, 1e-2, 10.0),
-        (5, 1e-3, 1.0), (5, 1e-4, 0.3), (10, 1e-2, 100.0), (10, 1e-3, 1.0), (10, 1e-4, 0.1),
+        (2, 1e-2, 100.0), (2, 1e-4, 0.5), (5, 1e-3, 1.0), (10, 1e-2, 20.0), (10, 1e-4, 0.1),
     ],
 )  # fmt: skip
 def test_a_stack_stands(count: int, step: float, duration: float) -> None:

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.contact.toss_scenes import toss
 from benchmarks.heaps import scenes
@@ -70,43 +71,36 @@ def ball(restitution: float) -> dict[str, Any]:
     }
 
 
-def tower(layers: int) -> dict[str, Any]:
-    """Pairs of bricks, crossed."""
-    bodies: dict[str, Any] = {}
-    constraints: dict[str, Any] = {}
-    friction = {"friction": {"type": "coulomb", "static": 0.6}}
-    for k in range(layers):
-        size = [0.3, 0.06, 0.02] if k % 2 == 0 else [0.06, 0.3, 0.02]
-        for i, side in enumerate((-0.108, 0.108)):
-            place = [0.0, side, 0.01 + 0.02 * k] if k % 2 == 0 else [side, 0.0, 0.01 + 0.02 * k]
-            shape = {"type": "box", "size": size}
-            bodies[f"k{k}{i}"] = {"mass": 0.1, "shape": shape, "position": place}
-            below = [{}] if k == 0 else [{"parent": f"k{k - 1}{j}"} for j in (0, 1)]
-            for j, parent in enumerate(below):
-                own = {"type": "contact", "body": f"k{k}{i}"} | friction | parent
-                if parent:
-                    own["surface"] = {"type": "shape"}
-                constraints[f"c{k}{i}{j}"] = own
-    return {"bodies": bodies, "constraints": constraints, "effects": {"g": {"type": "gravity"}}}
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.9, 1.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.9])
 def test_of_a_ball_that_bounces(restitution):
     assert momentum_error(ball(restitution)) < EXACT
 
 
-@pytest.mark.parametrize(("layers", "duration"), [(3, 0.5), (10, 0.05)])
-def test_of_a_tower(layers, duration):
-    assert momentum_error(tower(layers), duration) < EXACT
+def test_torques_of_a_ball_that_strikes_a_post_within_a_step() -> None:
+    """I dw = h (torque + arm x force), also in the step that the strike divides."""
+    mapping = ball(0.5)
+    moving = {"linear_velocity": [0.0, 0.0, -20.0], "angular_velocity": [3.0, -2.0, 20.0]}
+    mapping["bodies"]["b"] |= moving
+    post = {"type": "sphere", "radius": 0.05, "center": [0.0, 0.0, -0.05]}
+    resists = {"rolling_resistance": 2e-3, "spinning_resistance": 5e-3, "surface": post}
+    mapping["constraints"]["c"] |= {"friction": {"type": "coulomb", "static": 0.3}} | resists
+    options = {"method": "time_stepping", "step": STEP, "duration": 0.02, "rate": 1.0 / STEP}
+    run = Simulation(load_scene(mapping | {"simulation": options})).run()
+    turn, moment = Rotation.from_quat(run.orientation["b"]), 0.4 * 0.1**2
+    gained = moment * np.diff(turn.apply(run.angular_velocity["b"]), axis=0)
+    reaction = run.reaction["c"]
+    arm = np.array([0.0, 0.0, -0.1])
+    given = STEP * (reaction.torque + np.cross(arm, reaction.force))[1:]
+    np.testing.assert_allclose(gained, given, rtol=0.0, atol=1e-6)
+    assert np.abs(reaction.torque).max() > 10.0
 
 
-@pytest.mark.parametrize(("slabs", "duration"), [(4, 1.2), (6, 0.9)])
-def test_of_bodies_that_lean_on_each_other_as_they_come_to_rest(slabs, duration):
+def test_of_bodies_that_lean_on_each_other_as_they_come_to_rest():
     """What they pay for being moved apart goes through their contacts to the floor; and a point of
     two slabs that is new at the end of a step does not take the place of one that has pushed."""
     from benchmarks.heaps.scenes import dominoes
 
-    assert momentum_error(dominoes(slabs), duration) < EXACT
+    assert momentum_error(dominoes(4), 1.2) < EXACT
 
 
 def test_of_an_edge_that_has_gone_where_another_comes() -> None:
@@ -119,24 +113,13 @@ def test_of_an_edge_that_has_gone_where_another_comes() -> None:
     assert momentum_error(mapping, 1.2) < EXACT
 
 
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", range(5))
 def test_of_tosses(number):
     try:
         error = momentum_error(toss(421, number).mapping)
     except RbSimError as refused:
         pytest.skip(str(refused))
     assert error < EXACT
-
-
-def test_whole_impulse_of_two_seconds():
-    """e = 0.9: the floor gives m g t + m v, v that of the end."""
-    scene = ball(0.9)
-    scene["bodies"]["b"]["position"] = [0.0, 0.0, 0.6]
-    options = {"method": "time_stepping", "step": STEP, "duration": 2.0, "rate": 1000}
-    run = Simulation(load_scene(scene | {"simulation": options})).run()
-    given = STEP * run.reaction["c"].force[1:, 2].sum()
-    assert given == pytest.approx(2.0 * 9.81 + run.linear_velocity["b"][-1, 2], rel=1e-9)
-    assert given > 20.0
 
 
 @pytest.mark.parametrize("name", shipped_with_contacts())

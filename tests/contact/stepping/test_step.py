@@ -17,12 +17,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from benchmarks.heaps import scenes
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import StepTooLargeError
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, ball, body, box, scene, touch
-from tests.interpreted import interpreted
 
 FAR = {"type": "plane", "point": [0.0, 0.0, -100.0]}
 
@@ -179,37 +177,6 @@ def test_a_spring_that_has_lost_its_direction_ends_the_run() -> None:
     ):
         Simulation(pulled(10.0)).run()
     assert np.isfinite(Simulation(pulled(10.1)).run().energy).all()
-
-
-# Which pairs take part in a step: those left out as far would not have, and what is an impact.
-
-
-def heap_after(steps: int, looks_at_all: bool) -> tuple[np.ndarray, int]:
-    """(state of ten piled spheres after so many steps of 10 ms, pairs that were left out)."""
-    from rb_sim import Simulation, load_scene
-    from rb_sim.contact.stepping import constraint_rows
-
-    left_out, is_far = [0], constraint_rows.is_far
-
-    def far(*arguments: object) -> bool:
-        found = bool(is_far(*arguments))
-        left_out[0] += found
-        return found and not looks_at_all
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(constraint_rows, "is_far", far)
-        mapping = scenes.piled_balls()
-        mapping["simulation"] |= {"method": "time_stepping", "step": 0.01}
-        simulation = Simulation(load_scene(mapping))
-        simulation.advance(0.01 * steps)
-    return simulation.sample().block.position, left_out[0]
-
-
-def test_what_is_far_takes_no_part() -> None:
-    found, left_out = interpreted(heap_after, 15, False)
-    expected, _ = interpreted(heap_after, 15, True)
-    assert found.tobytes() == expected.tobytes()
-    assert left_out > 600
 
 
 # What keeps touching, or rolls, keeps its energy to second order in the step, and gains none.

@@ -23,16 +23,12 @@ from rb_sim.catalogue.contact import ContactRow
 from rb_sim.catalogue.geometry import corners_and_rims, curved, hull, pairs, smooth_surfaces, solids
 from rb_sim.catalogue.geometry.corners_and_rims import RimOnCylinder
 from rb_sim.catalogue.spec import WORLD, BodyState
-from rb_sim.contact.choose_motion import motion_of
 from rb_sim.graph.machine import interpreted
 from rb_sim.graph.symbols import leaves
-from rb_sim.mechanics.contact import contact_bodies
 from rb_sim.mechanics.contact.constraint_tables import GEOMETRY, OUTPUTS
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
 from rb_sim.mechanics.contact.contact_laws import laws_of_kind, with_packed_hulls
 from rb_sim.mechanics.inputs import numbers
-from rb_sim.scene.compile import compile_method, compile_scene
-from rb_sim.scene.load import load_scene
 
 STATES = 30
 CORNERS = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.7, 0.7, 0.7)]
@@ -168,28 +164,3 @@ def test_kinds_share_their_laws() -> None:
     ]
     assert laws_of_kind(rows[0], True) == laws_of_kind(rows[1], True)
     assert laws_of_kind(rows[0], True) != laws_of_kind(rows[0], False)
-
-
-# The table of contacts: each number has a name, and what a sample writes no step reads.
-
-
-SCENES = ("dropped_box", "ball_on_block", "stick_slip", "sphere_in_cylinder")
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_what_an_evaluation_leaves_behind_disturbs_no_step(name: str) -> None:
-    scene = load_scene(name)
-    compiled = compile_scene(scene)
-    plain, spoilt = (motion_of(compiled, compile_method(scene.simulation, 1.0)) for _ in "ab")
-    times = np.linspace(0.0, min(scene.simulation.duration, 1.0), 41)
-    a, b = np.empty((2, 1, plain.width))
-    for t in times:
-        plain.run_to(np.array([t]), a)
-        kept = spoilt.system.contact_table[:, : contact_bodies.FIRST_OF_SCRATCH].copy()
-        spoilt.system.contact_table[:, contact_bodies.FIRST_OF_SCRATCH :] = np.nan
-        spoilt.run_to(np.array([t]), b)
-        assert a.tobytes() == b.tobytes(), t
-    assert len(plain.events) == len(spoilt.events) > 0
-    assert not np.array_equal(
-        kept, spoilt.system.contact_table[:, : contact_bodies.FIRST_OF_SCRATCH]
-    )
