@@ -57,7 +57,9 @@ def hard_cases(
     if not cases:
         raise RbSimError("--quick: none of these cases is a quick one")
     rows: list[Row] = []
-    print(line("case", "method", "step/tol.", "figure", "is", "bound", "margin", "CPU [s]", "verdict"))
+    print(
+        line("case", "method", "step/tol.", "figure", "is", "bound", "margin", "CPU [s]", "verdict")
+    )
     others: list[PeerRow] = []
     for case in cases:
         for row in rows_of(case):

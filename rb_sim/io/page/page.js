@@ -351,7 +351,7 @@ const bodyColumn = (rows, body, k) => Float32Array.from({ length: rows.length / 
 
 let plots = [];
 const span = { from: first, to: last > first ? last : first + 1 };
-const chosen = { body: 0, angles: Object.keys(ANGLES)[0], reaction: D.strongest };
+const chosen = { body: 0, angles: Object.keys(ANGLES)[0], reaction: D.strongest ?? 0 };
 
 function xyz(rows, t, names, exactRows) {
   return names.map((name, k) => ({
