@@ -384,7 +384,7 @@ bodies:
     orientation: {axis: [0, 1, 0], angle: 30 deg}
 constraints: {floor: {type: contact, body: rod}}
 effects: {weight: {type: gravity}}
-simulation: {duration: 0.2, rate: 50}
+simulation: {duration: 1.0, rate: 50}
 """
     page = tmp_path / "page.html"
     show(str(scene_file(tmp_path, rod)), page)
