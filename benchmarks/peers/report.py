@@ -83,7 +83,8 @@ def markdown(results: Results) -> str:
         "Cost: CPU seconds per simulated second, stepping only, least of several, all in one "
         "run on one machine; only ratios mean anything elsewhere. Error: largest over the run "
         "of max(rotation [rad], position of the centre of mass [m]). `-`: not reached. scipy and "
-        "heyoka integrate equations written by hand for each scene; the others take a model.",
+        "heyoka integrate equations written by hand for each scene; the others take a model. Not run"
+        " from: the step [s] or tolerance from which on the time budget did not suffice.",
     ]
     for name in results["skipped"]:
         text.append(f"Not installed, left out: {name}.")
@@ -136,15 +137,15 @@ def _best(entry: Results) -> list[str]:
 
 
 def _notes(entry: Results) -> list[str]:
-    """One line per program; of the failures of a method only the first is quoted."""
+    """One item per program; of the failures of a method only the first is quoted."""
     lines = []
     for name, engine in entry["engines"].items():
         kept: dict[str, str] = {}
         for note in engine["notes"]:
-            kept.setdefault(note.split(" ")[0] if "cut" not in note else note, note)
+            kept.setdefault(note if ": not run from " in note else note.split(" ")[0], note)
         if kept:
-            lines.append(f"{name}: {'; '.join(kept.values())}.  ")
-    return lines
+            lines.append(f"- {name}: {'; '.join(kept.values())}.")
+    return lines and ["", *lines]
 
 
 def _way(point: dict[str, Any]) -> str:
