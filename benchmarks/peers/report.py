@@ -76,18 +76,25 @@ def markdown(results: Results) -> str:
         "search: {exclude: true}",
         "---",
         "",
-        "# Error and CPU time beside other programs",
+        "# Error and CPU time compared with other programs",
+        "",
+        "Written by `python -m benchmarks.peers`.",
         "",
         f"{results['machine_line']}. {versions}.",
         "",
-        "Cost: CPU seconds per simulated second, stepping only, least of several, all in one "
-        "run on one machine; only ratios mean anything elsewhere. Error: largest over the run "
-        "of max(rotation [rad], position of the centre of mass [m]). `-`: not reached. scipy and "
-        "heyoka integrate equations written by hand for each scene; the others take a model. Not run"
-        " from: the step [s] or tolerance from which on the time budget did not suffice.",
+        "- **Cost**: CPU seconds per simulated second, stepping only, least of several measurements"
+        " in one run on one machine. On other machines only the ratios hold. A dash: the error is"
+        " not reached.",
+        "- **Error**: the largest over the run of the rotation error [rad] and the error of the"
+        " centre of mass [m].",
+        "- **Not run from**: the step [s] or tolerance from which on a method was not run, because"
+        " it would have exceeded the time budget of its program.",
+        "- scipy and heyoka integrate equations written by hand for each scene; the others take a"
+        " model.",
+        "",
     ]
     for name in results["skipped"]:
-        text.append(f"Not installed, left out: {name}.")
+        text.append(f"Not installed, not measured: {name}.")
     share = ratios(results)
     for scene, entry in results["scenes"].items():
         text += ["", f"## {scene}", "", *_costs(entry)]
