@@ -387,9 +387,9 @@ def implicit(
     For redundant rows lambda remains the minimum-norm solution; its component in the null space of
     G M^-1 G^T changes as that space rotates.
     """
-    dmultipliers = -rank.least(by["bias"] + G @ inverse_mass @ by["push"])
+    dmultipliers = -rank.least(by["bias"] + G @ inverse_mass @ by["force"])
     dmultipliers = dmultipliers + rank.null @ (rank.null.T @ by["along"])
-    return inverse_mass @ (by["push"] + G.T @ dmultipliers), dmultipliers
+    return inverse_mass @ (by["force"] + G.T @ dmultipliers), dmultipliers
 
 
 def free_deviations(
