@@ -28,7 +28,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     rim_on_cylinder_touching,
     rim_touching,
 )
-from rb_sim.catalogue.geometry.pairs import Touch, carrier, touching
+from rb_sim.catalogue.geometry.pairs import ContactPoint, carrier, touching
 from rb_sim.catalogue.spec import BodyState, Vec3
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
@@ -113,7 +113,7 @@ class _Moving(NamedTuple):
     a_A: Vec3
     alpha_A: Vec3
     driven: float
-    at: Touch
+    at: ContactPoint
     r: Vec3
     sigma: Vec3
     moved: Vec3
@@ -133,7 +133,7 @@ def torque_of(B, r, force, moment):
 
 def contact_table_of(
     pair: Any, B: BodyState, A: BodyState, before: Lean
-) -> tuple[Touch, Lean, Any]:
+) -> tuple[ContactPoint, Lean, Any]:
     """The Touch, how a rim leans, and how far round it the point is."""
     if isinstance(pair, RimOnPlane):
         at, lean = rim_touching(pair, B, A, before)
