@@ -110,7 +110,8 @@ def test_the_summary_names_quantities_with_units_and_what_failed():
 
     summary = {"method": "rk4", "step": 0.01, "tolerance": None, "constraint_rows": 3,
                "energy": {"error": -2e-7, "relative": 1e-9},
-               "global_error": {"relative": 3e-9, "t": 2.0}, "warnings": ["energy: ..."]}  # fmt: skip
+               "global_error": {"relative": 3e-9, "t": 2.0},
+               "warnings": ["energy: ..."]}  # fmt: skip
     assert summary_text(summary).splitlines()[3:] == [
         "- method: rk4",
         "- step [s]: 0.01",
