@@ -138,7 +138,9 @@ lint: $(VENV)/.test
 	$(VENV)/bin/lint-imports
 	$(VENV)/bin/pyrefly check
 
-# generated pages and all pictures, then the site in build/site, links checked
+# generated pages and all pictures, then the site in build/site, links checked; the pages link to
+# the repository that package.xml names
+docs: export REPOSITORY_URL ?= $(shell sed -n 's|.*<url type="repository">\(.*\)</url>.*|\1|p' package.xml)
 docs: $(VENV)/.test
 	$(VENV)/bin/python -m tools.law_pages
 	$(VENV)/bin/python -m tools.thresholds

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from glob import glob
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
@@ -15,6 +16,11 @@ from setuptools.command.develop import develop
 HERE = Path(__file__).resolve().parent
 COMPILE_LOOPS = "rb_sim.compiler.ship"
 """Writes the machine code of loops into the package that it is imported from."""
+
+
+def repository():
+    """Address of the repository; package.xml alone names it, None if it names none."""
+    return ElementTree.parse(HERE / "package.xml").findtext("url[@type='repository']")
 
 
 def compile_loops(root, *machines):
@@ -64,6 +70,7 @@ setup(
     license="Apache-2.0",
     author="rb_sim contributors",
     maintainer="rb_sim contributors",
+    url=repository(),
     keywords="rigid-body multibody dynamics constraints contact friction ROS2 MCAP",
     classifiers=[
         "Development Status :: 4 - Beta",

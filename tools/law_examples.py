@@ -47,3 +47,6 @@ EXAMPLES = {
     + "    times: [0, 1, 2]\n    forces: [[0, 0, 0], [1, 0, 0], [0, 0, 0]]",
     "commanded_wrench": _BODY + "effects: {drive: {type: commanded_wrench, body: b}}",
 }
+
+TORQUE_ONLY = ("parallel", "angular_damping", "torsion_spring")
+"""Laws that exert no force."""

@@ -25,7 +25,7 @@ from pydantic_core import PydanticUndefined
 
 from rb_sim.catalogue import constraints, effects
 from rb_sim.catalogue.spec import Spec
-from tools.law_examples import EXAMPLES
+from tools.law_examples import EXAMPLES, TORQUE_ONLY
 from tools.law_formulas import FORMULAS
 
 FOLDER = Path(__file__).parents[1] / "docs" / "laws"
@@ -87,8 +87,8 @@ def pages() -> dict[str, str]:
 def page(kind: str, spec: type[Any]) -> str:
     """What it does, the equation, keys with units and defaults, an example."""
     parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
-    parts += ["## Equation", f"```text\n{inspect.cleandoc(spec.EQUATION).strip()}\n```"]
-    parts += [f"$$\n{FORMULAS[kind].strip()}\n$$"]
+    parts += ["## Equation", f"$$\n{FORMULAS[kind].strip()}\n$$"]
+    parts += [f"```text\n{inspect.cleandoc(spec.EQUATION).strip()}\n```"]
     parts += ["Symbols: [Constraints and effects](index.md).", *about(spec)]
     parts += ["## Keys", "\n".join(keys(spec))]
     for name, field in spec.model_fields.items():
@@ -97,10 +97,11 @@ def page(kind: str, spec: type[Any]) -> str:
             rows = [row for row in keys(choice) if not row.startswith("| `type`")]
             parts += ["\n".join(rows)] if len(rows) > 2 else []
     parts += ["## Example", f"```yaml\n{EXAMPLES[kind].strip()}\n```"]
-    shown = f"![Path of the body, and wrench of {kind} on it](pictures/{kind}.png)"
     parts += [
-        "A body (box, at three instants) that is thrown with spin under gravity and this law:",
-        shown,
+        "The motion of a body with spin, without weight, and the torque of this law on it:"
+        if kind in TORQUE_ONLY
+        else "The motion of a body thrown with spin, under gravity and this law:",
+        f"![Path of the body, and wrench of {kind} on it](pictures/{kind}.png)",
     ]
     return "\n\n".join(parts) + "\n"
 

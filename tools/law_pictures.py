@@ -10,9 +10,10 @@
 """Draws the picture of the page of each law, docs/laws/pictures/KIND.png.
 
 The example of the page, set moving: its body is thrown and spun as far as the law lets it, under
-gravity. Left the body as a box at three instants, the joint (pivot, axis with bearings, rail, rod,
-spring, plane), the path of the centre of mass, and the law's force on the body along it. Right that
-force (full) and its torque about the anchor (dashed) over time, world axes.
+gravity; where the law exerts a torque only, it drifts without weight. Left the body as a box at
+three instants, the joint (pivot, axis with bearings, rail, rod, spring, plane), the path of the
+centre of mass, and the law's force on the body along it, or its torque. Right that force (full) and
+its torque about the anchor (dashed) over time, world axes.
 """
 
 from __future__ import annotations
@@ -32,10 +33,14 @@ from scipy.spatial.transform import Rotation
 from rb_sim import Simulation, load_scene
 from rb_sim.base.palette import AXES, GRID, REACTION
 from tools.colors import few_colors
-from tools.law_examples import EXAMPLES
+from tools.law_examples import EXAMPLES, TORQUE_ONLY
 
 THROWN = {"linear_velocity": [1.0, 0.5, 1.5], "angular_velocity": [0.5, 1.0, 2.0]}
 """Of the body, where the law does not hold it [m/s, rad/s]."""
+DRIFT = {"linear_velocity": [0.6, 0.0, 0.0]}
+"""Of a body under a law that exerts a torque only [m/s]."""
+UNBALANCED = {"parallel": [[1.2, 0.0, 0.3], [0.0, 1.0, 0.0], [0.3, 0.0, 0.8]]}
+"""Inertia [kg m^2] of a body on which the law would exert nothing if its axis were principal."""
 DURATION, SAMPLES = 2.0, 200
 ARROWS = 9
 JOINT = "#0072b2"
@@ -45,9 +50,10 @@ def moving(kind: str) -> Any:
     """The example of the law as a scene that moves."""
     scene = yaml.safe_load(EXAMPLES[kind])
     (body,) = scene["bodies"].values()
-    body |= THROWN
+    body |= THROWN | (DRIFT if kind in TORQUE_ONLY else {})
+    body["inertia"] = UNBALANCED.get(kind, body.get("inertia"))
     effects = scene.setdefault("effects", {})
-    if all(spec["type"] != "gravity" for spec in effects.values()):
+    if kind not in TORQUE_ONLY and all(spec["type"] != "gravity" for spec in effects.values()):
         effects["gravity"] = {"type": "gravity"}
     scene["simulation"] = {"duration": DURATION, "rate": SAMPLES / DURATION,
                            "project_initial": True}  # fmt: skip
@@ -79,14 +85,16 @@ def picture(kind: str) -> Image.Image:
         end = wrench.anchor[0] if kind == "fixed_point" else np.array(spec.point_A)
         seen = np.vstack([path, end])
     middle, size = _view(way, seen)
-    _draw_path(way, path, None if wrench is None else wrench.force, size)
+    acts = None if wrench is None else wrench.torque if kind in TORQUE_ONLY else wrench.force
+    _draw_path(way, path, acts, size)
     _draw_body(way, run, 0.12 * size)
     if wrench is not None:
         _draw_joint(way, spec, wrench.anchor[0], run.position["b"][0], middle, size)
     plot = figure.add_axes((0.50, 0.19, 0.38, 0.69))
     if wrench is not None:
         for k, (label, color) in enumerate(zip("xyz", AXES[:3], strict=True)):
-            plot.plot(run.t, wrench.force[:, k], color=color, label=f"F{label} [N]")
+            if kind not in TORQUE_ONLY:
+                plot.plot(run.t, wrench.force[:, k], color=color, label=f"F{label} [N]")
         if np.abs(wrench.torque).max() > 1e-9 * max(1.0, np.abs(wrench.force).max()):
             for k, (label, color) in enumerate(zip("xyz", AXES[:3], strict=True)):
                 plot.plot(run.t, wrench.torque[:, k], "--", color=color, label=f"K{label} [N m]")
@@ -113,7 +121,7 @@ def _view(axes: Any, seen: np.ndarray) -> tuple[np.ndarray, float]:
     for axis, label in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
         axis.set_tick_params(labelsize=6, pad=-3)
         axis.set_label_text(f"{label} [m]", fontsize=7)
-        axis.labelpad = -8
+        axis.labelpad = -8 if label != "z" else -5
     axes.set_box_aspect((1, 1, 1), zoom=0.95)
     return middle, size
 

@@ -63,7 +63,8 @@ def scene_page() -> str:
         "| `bodies` | required | NAME: a body, at least one |\n"
         "| `constraints` | optional | NAME: a constraint |\n"
         "| `effects` | optional | NAME: an effect |\n"
-        "| `supports`, `loads` | optional | the same in short ([Statics](../statics.md)) |\n"
+        "| `supports`, `loads` | optional | constraints and effects in a short form"
+        " ([Statics](../statics.md)) |\n"
         "| `simulation` | optional | method, accuracy, duration, sampling |",
         "## `bodies.NAME`",
         inspect.cleandoc(Body.__doc__ or "") + " It needs `mass`, and `shape` or `inertia`.",

@@ -50,11 +50,11 @@ search: {exclude: true}
 # Thresholds
 
 Made from the sources by `make docs`: all named constants up to 1e-5 by which the package decides
-between two cases (prices, units and the lengths of differences are none). What each is relative to
-stands in its row; *natural units* are those of the scene, made of its length and speed.
+between two cases. Each row states to what the constant is relative; *natural units* are made of the
+length and the speed of the scene.
 
-Whether lines depend on each other is decided in one file, `numerics/rank.py`: lines are scaled to
-length 1 first, so that neither units nor mass ratios decide.
+Whether constraint equations depend on each other is decided in one file, `numerics/rank.py`, after
+they are scaled to length 1, so that neither units nor mass ratios influence it.
 """
 
 

@@ -117,7 +117,7 @@ def measure(
             method, knob = ladder.way.method, ladder.knob
             begin = time.process_time()
             if begin + ladder.expected > end:
-                report("note", f"{method}: cut by the budget at {knob:.0e}")
+                report("note", f"{method}: not run from {knob:.0e}")
                 ladder.open = False
                 continue
             report("trying", f"{method} {knob:.0e}")

@@ -76,17 +76,25 @@ def markdown(results: Results) -> str:
         "search: {exclude: true}",
         "---",
         "",
-        "# Error and CPU time beside other programs",
+        "# Error and CPU time compared with other programs",
+        "",
+        "Written by `python -m benchmarks.peers`.",
         "",
         f"{results['machine_line']}. {versions}.",
         "",
-        "Cost: CPU seconds per simulated second, stepping only, least of several, all in one "
-        "run on one machine; only ratios mean anything elsewhere. Error: largest over the run "
-        "of max(rotation [rad], position of the centre of mass [m]). `-`: not reached. scipy and "
-        "heyoka integrate equations written by hand for each scene; the others take a model.",
+        "- **Cost**: CPU seconds per simulated second, stepping only, least of several measurements"
+        " in one run on one machine. On other machines only the ratios hold. A dash: the error is"
+        " not reached.",
+        "- **Error**: the largest over the run of the rotation error [rad] and the error of the"
+        " centre of mass [m].",
+        "- **Not run from**: the step [s] or tolerance from which on a method was not run, because"
+        " it would have exceeded the time budget of its program.",
+        "- scipy and heyoka integrate equations written by hand for each scene; the others take a"
+        " model.",
+        "",
     ]
     for name in results["skipped"]:
-        text.append(f"Not installed, left out: {name}.")
+        text.append(f"Not installed, not measured: {name}.")
     share = ratios(results)
     for scene, entry in results["scenes"].items():
         text += ["", f"## {scene}", "", *_costs(entry)]
@@ -136,15 +144,15 @@ def _best(entry: Results) -> list[str]:
 
 
 def _notes(entry: Results) -> list[str]:
-    """One line per program; of the failures of a method only the first is quoted."""
+    """One item per program; of the failures of a method only the first is quoted."""
     lines = []
     for name, engine in entry["engines"].items():
         kept: dict[str, str] = {}
         for note in engine["notes"]:
-            kept.setdefault(note.split(" ")[0] if "cut" not in note else note, note)
+            kept.setdefault(note if ": not run from " in note else note.split(" ")[0], note)
         if kept:
-            lines.append(f"{name}: {'; '.join(kept.values())}.  ")
-    return lines
+            lines.append(f"- {name}: {'; '.join(kept.values())}.")
+    return lines and ["", *lines]
 
 
 def _way(point: dict[str, Any]) -> str:

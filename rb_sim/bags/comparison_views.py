@@ -98,7 +98,7 @@ def picture(found: Differences, a: Tracks, b: Tracks, path: Path) -> None:
     colours = {name: CYCLE[2 + k % (len(CYCLE) - 2)] for k, name in enumerate(found.series)}
     rounding = False
     for axis, quantity in zip(grid[top:].ravel(), parts, strict=False):
-        _open(axis, f"{quantity} apart [{UNITS[quantity]}]").set_yscale("log")
+        _open(axis, f"{quantity} difference [{UNITS[quantity]}]").set_yscale("log")
         for name, series in found.series.items():
             if quantity in series:
                 t, values = broken(found.t[name] - found.start, _above_floor(series[quantity]))

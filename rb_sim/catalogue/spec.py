@@ -268,7 +268,7 @@ def _radians(angle: float) -> float:
     if abs(angle) > WHOLE_TURN:
         raise refuse(
             "an angle in radians, at most 6.2832 (a whole turn) in size; "
-            f"{angle:g} degrees are {math.radians(angle):.6g}"
+            f"use {angle:g} deg for degrees"
         )
     return angle
 

@@ -147,6 +147,7 @@ class RunPage:
             "arrows": arrows,
             "curves": self._curves(),
             "reactions": self._reaction_curves(),
+            "strongest": self._most_loaded(),
             "exact": None if lawful is None else self._exact(lawful),
             "events": self._events(),
             "point": "centre of mass",
@@ -197,6 +198,11 @@ class RunPage:
         if len(acting) <= MOST_REACTIONS:
             return acting
         return sorted(sorted(acting, key=lambda k: -greatest[k])[:MOST_REACTIONS])
+
+    def _most_loaded(self) -> int:
+        """Which of the reactions carries most on average: the one that is shown first."""
+        forces = norms(self.samples.reaction_force[:, self._reactions])
+        return int(np.argmax(np.nan_to_num(forces).mean(axis=0))) if self._reactions else 0
 
     def _arrows(self, applied: Sequence[Applied]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         """Groups with a common name, colour and scale, and their arrows."""

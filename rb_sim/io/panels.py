@@ -249,7 +249,8 @@ def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
             f"reactions/{name}/force", title, "N", "reaction_force", k, "force", body, jumps=True
         )
         yield force._replace(contact=c)
-        title = f"{name}: reaction torque about its anchor"
+        about = "the centre of mass" if f"{name}/2" in layout.reactions else "its anchor"
+        title = f"{name}: reaction torque about {about}"
         yield _xyz(
             f"reactions/{name}/torque",
             title,

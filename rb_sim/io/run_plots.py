@@ -231,7 +231,8 @@ def draw_contact(ax: Any, contacts: Contacts, c: int) -> None:
     struck = [event.t for event in mine if event.kind == "impact"]
     for when in {event.t for event in mine} - set(struck):
         ax.axvline(when, color="#999999", linewidth=0.7, linestyle=":", zorder=1)
-    ax.plot(struck, np.ones(len(struck)), "v", transform=across, color=EVENT, markersize=4)
+    ax.plot(struck, np.ones(len(struck)), "v", transform=across, color=EVENT, markersize=4,
+            clip_on=False)  # fmt: skip
 
 
 def not_drawn(still: list[Curves], scale: dict[str, float]) -> list[str]:

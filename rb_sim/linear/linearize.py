@@ -382,7 +382,7 @@ def symmetric(s: Sequence[float]) -> Array:
 def implicit(
     G: Array, inverse_mass: Array, rank: Ranked, by: dict[str, Array]
 ) -> tuple[Array, Array]:
-    """Derivatives of (du/dt, lambda): M d(du/dt) = d push + G^T d lambda, G d(du/dt) = -d bias.
+    """Derivatives of (du/dt, lambda): M d(du/dt) = d load + G^T d lambda, G d(du/dt) = -d bias.
 
     For redundant rows lambda remains the minimum-norm solution; its component in the null space of
     G M^-1 G^T changes as that space rotates.

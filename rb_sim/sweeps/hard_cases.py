@@ -335,7 +335,7 @@ FIGURES: dict[str, Callable[[Case, Check, Outcome], float]] = {
 
 HEAD = """---
 search: {exclude: true}
-hide: [toc]
+hide: [toc, navigation]
 ---
 
 # Hard cases
@@ -469,7 +469,7 @@ def described(case: Case) -> str:
 def sentence(text: str) -> str:
     """One line that starts with a capital (except names like rk4) and ends with a full stop."""
     line = " ".join(text.split())
-    if line.partition(" ")[0].isalpha():
+    if line.partition(" ")[0].rstrip(",:").replace("-", "").isalpha():
         line = line[:1].upper() + line[1:]
     return line if line.endswith((".", ":")) else f"{line}."
 

@@ -98,7 +98,7 @@ class Trajectory(Record):
         if self.layout.contacts:
             events = len(self.events)
             parts.append("1 contact event" if events == 1 else f"{events} contact events")
-        parts.append(f"worst residual {self.residual.max():.1e}")
+        parts.append(f"constraint violation {self.residual.max():.1e}")
         if self.global_error is not None:
             parts.append(f"global error {self.global_error}")
         if self.findings:

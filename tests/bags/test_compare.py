@@ -584,7 +584,12 @@ def test_the_picture_lays_both_over_each_other_and_bridges_no_gap(tmp_path, monk
     b = Track(t[seen], a.position[seen] + [0, 0, 1e-3], -turns[seen])
     figure = pictured(Tracks("a", {"ball": a}), Tracks("b", {"ball": b}), tmp_path, monkeypatch)
     axes = {axis.get_ylabel(): axis for axis in figure.axes if axis.axison}
-    assert list(axes) == ["x [m]", "pitch [°]", "z [m]", "position apart [m]"]  # y, roll, yaw rest
+    assert list(axes) == [
+        "x [m]",
+        "pitch [°]",
+        "z [m]",
+        "position difference [m]",
+    ]  # y, roll, yaw rest
     for label, axis in axes.items():
         *_, last = axis.get_lines()  # of B, or of the difference
         times, values = last.get_xdata(), last.get_ydata()

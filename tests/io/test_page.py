@@ -379,6 +379,27 @@ def test_one_clear_line_for_what_cannot_be_shown(run, tmp_path):
         show(str(tmp_path / "nothing.yaml"))
 
 
+def test_the_reaction_that_carries_most_is_shown_first(tmp_path):
+    """Not the top of a leaning rod, which the floor bears only after the fall."""
+    rod = """
+bodies:
+  rod:
+    mass: 1.0
+    shape: {type: rod, length: 1.0}
+    position: [0, 0, 0.4330127018922193]
+    orientation: {axis: [0, 1, 0], angle: 30 deg}
+constraints: {floor: {type: contact, body: rod}}
+effects: {weight: {type: gravity}}
+simulation: {duration: 1.0, rate: 50}
+"""
+    page = tmp_path / "page.html"
+    show(str(scene_file(tmp_path, rod)), page)
+    data = data_of(page)
+    assert data["reactions"][data["strongest"]]["name"] == "floor/2"
+    script = "return plots.map((one) => one.title)"
+    assert any("floor/2: force on rod" in title for title in ask(page, script))
+
+
 def scene_file(folder: Path, text: str) -> Path:
     path = folder / "scene.yaml"
     path.write_text(text)

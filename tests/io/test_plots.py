@@ -20,8 +20,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from rb_sim import Simulation
 from rb_sim.base.errors import SinkError
 from rb_sim.io import run_plots as plots
+from rb_sim.io.panels import panels_of
 from rb_sim.io.run_plots import PlotSink
 from rb_sim.mechanics.samples import ARRAYS, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
@@ -190,6 +192,13 @@ def test_many_bodies_have_pages_and_none_is_left_out(tmp_path, drawn):
     assert pages == ["plots.png", *(f"plots_{name}.png" for name in names)]
     assert all(f"{name}: reaction force on" in " ".join(drawn) for name in wheels)
     assert all(f"{name}: position of the centre of mass, world" in drawn for name in names)
+
+
+def test_a_torque_says_about_which_point_it_is():
+    for name, about in (("rocking_block", "the centre of mass"), ("thrown_ball", "its anchor")):
+        simulation = Simulation(name)
+        titles = [panel.title for panel in panels_of(simulation.scene, simulation.layout)]
+        assert f"floor: reaction torque about {about}" in titles
 
 
 def test_a_heap_has_pages_of_its_first_bodies_and_says_so(tmp_path, monkeypatch):

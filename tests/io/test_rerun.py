@@ -101,6 +101,23 @@ def test_rerun_verifies_it(recording):
     assert "/world/reaction/hinge:" not in stats  # the total is not drawn beside its bearings
 
 
+@needs_rerun
+def test_the_summary_names_quantities_with_units_and_what_failed():
+    from rb_sim.io.rerun.view import summary_text
+
+    summary = {"method": "rk4", "step": 0.01, "tolerance": None, "constraint_rows": 3,
+               "energy": {"error": -2e-7, "relative": 1e-9},
+               "global_error": {"relative": 3e-9, "t": 2.0},
+               "warnings": ["energy: ..."]}  # fmt: skip
+    assert summary_text(summary).splitlines()[3:] == [
+        "- method: rk4",
+        "- step [s]: 0.01",
+        "- global error, of the motion: 3e-09",
+        "- energy error [J]: -2e-07",
+        "- warning: energy: ...",
+    ]
+
+
 SUPPORTS = {
     "bodies": {
         name: {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 2.0]}

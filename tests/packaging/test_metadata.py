@@ -13,6 +13,9 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -22,6 +25,7 @@ import yaml
 from tools.licence import NOTICE, lacking
 
 ROOT = Path(__file__).resolve().parents[2]
+MAKEFILE = ROOT / "Makefile"
 
 
 def setup_text() -> str:
@@ -35,6 +39,27 @@ def test_name_version_and_licence_agree():
         assert f'{field}="{value}"' in setup_text()
     assert package.get("format") == "3"
     assert package.findtext("export/build_type") == "ament_python"
+
+
+def test_the_repository_is_named_in_package_xml_alone(tmp_path):
+    """setup.py and `make docs` read it there; what cannot read names the same, or none."""
+    package = (ROOT / "package.xml").read_text()
+    named = ElementTree.fromstring(package).findtext("url[@type='repository']")
+    other = ElementTree.parse(ROOT / "interfaces" / "package.xml").getroot()
+    assert other.findtext("url[@type='repository']") == named
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text()).get("repository-code") == named
+
+    known = "https://rb-sim.org/repository"
+    url = f'<url type="repository">{known}</url>'
+    text = re.sub(r'  <url type="repository">.*</url>\n', "", package)
+    (tmp_path / "package.xml").write_text(text.replace("  <license", f"  {url}\n  <license", 1))
+    shutil.copy(ROOT / "setup.py", tmp_path)
+    (of_docs,) = re.findall(
+        r"REPOSITORY_URL \?= \$\(shell (.*)\)$", MAKEFILE.read_text(), re.MULTILINE
+    )
+    for command in ([sys.executable, "setup.py", "--url"], ["bash", "-c", of_docs]):
+        asked = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert asked.stdout.split()[-1] == known
 
 
 def test_maintainers_are_those_of_setup_with_an_address_that_the_schema_takes():

@@ -103,7 +103,8 @@ def test_wrenches_of_effects(run):
 def test_energies_and_states(run):
     assert (run.energy == run.kinetic_energy + run.potential_energy).all()
     assert run.state(1).t == 0.5 and run.state(1).position["b"].tolist() == [0, 0, 2.0]
-    assert "a, b; 3 samples, t = 0 to 1 s; rk4, step 0.01 s; worst residual 1.0e-15" in repr(run)
+    text = "a, b; 3 samples, t = 0 to 1 s; rk4, step 0.01 s; constraint violation 1.0e-15"
+    assert text in repr(run)
 
 
 def test_pandas_and_xarray(run):

@@ -57,7 +57,9 @@ def hard_cases(
     if not cases:
         raise RbSimError("--quick: none of these cases is a quick one")
     rows: list[Row] = []
-    print(line("case", "method", "knob", "figure", "is", "bound", "margin", "CPU [s]", "verdict"))
+    print(
+        line("case", "method", "step/tol.", "figure", "is", "bound", "margin", "CPU [s]", "verdict")
+    )
     others: list[PeerRow] = []
     for case in cases:
         for row in rows_of(case):
@@ -92,5 +94,5 @@ def row_text(row: Row) -> str:
 
 def line(*cells: str) -> str:
     """Cells in columns of fixed width."""
-    widths = (24, 14, 9, 9, 8, 8, 8, 8, 7)
+    widths = (31, 14, 9, 9, 8, 8, 8, 8, 7)
     return " ".join(f"{cell:<{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()

@@ -338,7 +338,7 @@ def _facts(
     rows.append(("global error", "not measured" if error is None else str(error)))
     energy = summary.get("energy")
     if energy and energy.get("relative") is not None:
-        text = f"{energy['error']:.2g} J, {energy['relative']:.2g} of {energy['scale']:.3g} J"
+        text = f"{energy['error']:.2g} J (relative {energy['relative']:.2g})"
         rows.append(("energy error", text))
     rows.append(("constraint violation", f"at most {run.residual.max():.2g} (relative)"))
     versions = json.loads((record or {}).get("versions", "{}")) or {"rb_sim": __version__}

@@ -351,7 +351,7 @@ const bodyColumn = (rows, body, k) => Float32Array.from({ length: rows.length / 
 
 let plots = [];
 const span = { from: first, to: last > first ? last : first + 1 };
-const chosen = { body: 0, angles: Object.keys(ANGLES)[0], reaction: 0 };
+const chosen = { body: 0, angles: Object.keys(ANGLES)[0], reaction: D.strongest ?? 0 };
 
 function xyz(rows, t, names, exactRows) {
   return names.map((name, k) => ({
@@ -570,7 +570,7 @@ function begin() {
   if (N > 1) select("body", D.bodies.map((b) => b.name), 0, (k) => ((chosen.body = k), remake()));
   select("angles", Object.keys(ANGLES), 0, (k) => ((chosen.angles = Object.keys(ANGLES)[k]), remake()));
   if (D.reactions.length > 1)
-    select("reaction", D.reactions.map((r) => r.name), 0, (k) => ((chosen.reaction = k), remake()));
+    select("reaction", D.reactions.map((r) => r.name), D.strongest, (k) => ((chosen.reaction = k), remake()));
   document.addEventListener("keydown", (event) => {
     if (["SELECT", "INPUT"].includes(event.target.tagName) && event.key !== " ") return;
     const k = indexAt(times_, state.time);

@@ -31,7 +31,6 @@ The timeline is `sim_time` [s]. Imported only when a recording is opened.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -94,16 +93,34 @@ def markdown(text: str) -> Any:
     return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
+SUMMARY = {
+    "method": "method",
+    "step": "step [s]",
+    "tolerance": "tolerance",
+    "simulated": "simulated [s]",
+    "samples": "samples",
+    "steps": "steps",
+    "global_error": "global error, of the motion",
+    "energy": "energy error [J]",
+    "worst_residual": "constraint violation, relative",
+    "outcome": "outcome",
+}
+"""Entries of the summary that a recording shows, with their names and units."""
+
+
 def summary_text(summary: dict[str, Any]) -> str:
-    """The values of the summary as a list; nested ones as JSON."""
-    rows = [f"- {key}: {_short(value)}" for key, value in summary.items()]
+    """What the run is and how accurate, as a list, and its warnings."""
+    rows = [f"- {name}: {_short(key, summary[key])}" for key, name in SUMMARY.items()
+            if summary.get(key) is not None]  # fmt: skip
+    rows += [f"- warning: {warning}" for warning in summary.get("warnings", ())]
     return "\n\n**Summary**\n" + "\n".join(rows)
 
 
-def _short(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return value if isinstance(value, str) else json.dumps(value, default=str)
+def _short(key: str, value: Any) -> str:
+    part = {"global_error": "relative", "energy": "error"}.get(key)
+    if part is not None and isinstance(value, dict):
+        value = value[part]
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 # Path of a point in pieces, so that a viewer can show only its past.
