@@ -168,12 +168,11 @@ def test_a_run_in_python_is_given_up_too(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_linear_model_of_a_state_years_away_is_given_up_too(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(pieces, "EFFORT", 0.05)
     with pytest.raises(SimulationError, match=r"^given up after .* years more at this pace"):
         linearize("heavy_top", at=1e12, axes="world", turning=0.0, out=None)
-    assert "at this pace" in capsys.readouterr().err
 
 
 def test_the_search_of_auto_does_not_begin_runs_of_years(monkeypatch: pytest.MonkeyPatch) -> None:
