@@ -149,7 +149,7 @@ def test_grams_get_one_line_with_the_kilograms():
 
 
 def test_millimetres_get_one_line_with_the_metres():
-    """The density of a ball of 1 m is that of steel or of foil filled with gas, in mm no solid's."""
+    """In kg/mm^3 no solid is as dense as a ball of 1 m filled with gas is in kg/m^3."""
     ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 50.0}}
     (line,) = lines({"bodies": {"ball": ball}, "effects": WEIGHT})
     assert "bodies.ball.mass: 1 kg within a radius of 50 m is lighter than any solid" in line
