@@ -268,8 +268,9 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
             continue
         one, two = _from(origin, a.bodies[name]), _from(origin, _on_clock(b.bodies[other], found))
         # axes of different length, so that neither hides the other
-        _motion(rr, recording, f"world/A/{name}", one, rgb(MOTIONS["A"]), 0.25 * size)
-        _motion(rr, recording, f"world/B/{name}", two, rgb(MOTIONS["B"]), 0.2 * size)
+        for which, track, length in (("A", one, 0.25 * size), ("B", two, 0.2 * size)):
+            entity = rr.new_entity_path(["world", which, name])
+            _motion(rr, recording, entity, track, rgb(MOTIONS[which]), length)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
