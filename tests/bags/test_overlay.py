@@ -29,7 +29,6 @@ from tests.bags.analysis.test_foreign import pose as stamped
 from tests.fit.test_foreign import poses, pushes, write
 from tests.io.test_rerun import column, needs_rerun, run
 
-
 CART = r"\/cart\/pose"
 """The topic as one part of an entity's path."""
 
