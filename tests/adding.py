@@ -20,7 +20,7 @@ import numpy as np
 from rb_sim.base.errors import Finding
 from rb_sim.catalogue.constraints.rows import VelocityRow
 from rb_sim.catalogue.friction import straight_on, traction
-from rb_sim.catalogue.geometry.pairs import Touch, carried_point, touching
+from rb_sim.catalogue.geometry.pairs import ContactPoint, carried_point, touching
 from rb_sim.catalogue.spec import (
     Finite,
     Name,
@@ -178,7 +178,7 @@ def point_in_cone(pair, B, A):
     out = scale(1.0 / radius, across)
     turn = scale(1.0 / radius, sub(across_rate, scale(dot(out, across_rate), out)))
     normal = add(scale(-pair.cos, out), (0.0, 0.0, pair.sin))
-    return Touch(dot(normal, off), normal, scale(-pair.cos, turn), p, v)
+    return ContactPoint(dot(normal, off), normal, scale(-pair.cos, turn), p, v)
 
 
 class Cone(Spec):

@@ -73,7 +73,8 @@ def moved(S: Any, turn: Rotation, shift: np.ndarray) -> Any:
 
 
 def assert_rates(touch_at: Any, B: Any, A: Any) -> None:
-    """Of normal and point, and d(gap)/dt = n . (v_B(P) - v_A(P)); touch_at(B, A): the Touch."""
+    """Of normal and point, and d(gap)/dt = n . (v_B(P) - v_A(P)); touch_at(B, A): the
+    ContactPoint."""
 
     def later(t: float) -> Any:
         return touch_at(flown(B, t), flown(A, t))

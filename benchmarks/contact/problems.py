@@ -159,7 +159,7 @@ def of_events(mapping: dict[str, Any]) -> list[Problem]:
     from rb_sim.base.errors import RbSimError
     from rb_sim.contact import assembly, impacts, modes
     from rb_sim.contact.events import event_motion
-    from rb_sim.numerics.complementarity import CONTRADICTION, HOLDS, PUSHES, solve
+    from rb_sim.numerics.complementarity import CONTRADICTION, EQUALITY, UNILATERAL, solve
 
     out: list[Problem] = []
     kinds = {modes: "accelerations", impacts: "impact", assembly: "short step"}
@@ -178,7 +178,7 @@ def of_events(mapping: dict[str, Any]) -> list[Problem]:
                 ([int(k) for k in line[:2] if k >= 0], int(line[2]), float(c))
                 for line, c in zip(bounds, limits, strict=True)
             ]
-            laws = rules == HOLDS, rules == PUSHES, least
+            laws = rules == EQUALITY, rules == UNILATERAL, least
             out.append(Problem(kind, A.copy(), b.copy(), *laws, of, x.copy()))
             return assembly.SOLVED
 

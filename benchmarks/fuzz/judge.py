@@ -196,7 +196,7 @@ def broken(check_list: CheckList) -> str:
     """By how much the energy balance is broken, in words; "" if it is not."""
     energy = check_list.ledger.energy()
     error = 0.0 if energy is None else energy["relative"] or 0.0
-    doubt = 0.0 if energy is None else 30.0 * energy["quadrature"] / (energy["scale"] or 1.0)
-    if error > SILENT + doubt:
+    uncertainty = 0.0 if energy is None else 30.0 * energy["quadrature"] / (energy["scale"] or 1.0)
+    if error > SILENT + uncertainty:
         return f"energy balance broken by {error:.2g} without a word"
     return ""

@@ -49,14 +49,14 @@ class Gap(NamedTuple):
 
     slope: Array
     reported: Array
-    doubt: float
+    uncertainty: float
     """of the slope."""
     least: float
     """difference below which there is none."""
 
     def fits(self, more: float = 0.0) -> bool:
-        """Whether they are the same within the doubt, and so much more of it."""
-        most = CONTRADICTION * (self.doubt + more) + self.least
+        """Whether they are the same within the uncertainty, and so much more of it."""
+        most = CONTRADICTION * (self.uncertainty + more) + self.least
         return float(np.abs(self.slope - self.reported).max()) <= most
 
     def apart(self, other: Gap) -> float:
@@ -65,7 +65,8 @@ class Gap(NamedTuple):
         return max(float(np.abs(a - b).max()) for a, b in pairs)
 
     def __str__(self) -> str:
-        return f"dv/dt {self.slope} is {self.reported} by its wrenches (doubt {self.doubt:.1e})"
+        uncertain = f"(uncertainty {self.uncertainty:.1e})"
+        return f"dv/dt {self.slope} is {self.reported} by its wrenches {uncertain}"
 
 
 def broken_law(mapping: dict[str, Any]) -> str:
@@ -123,9 +124,9 @@ def gap_of(t: Array, values: Array, reported: Array, least: float) -> Gap:
         coarse, fine = difference(t, values, h), difference(t, values, 0.5 * h)
         rounding = 1e-13 * np.abs(values).max() / h  # of the run: a hundred ulps
         bent = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) @ reported[places(t, 0.5 * h)] / 30.0
-        doubt = float(np.abs(fine - coarse).max() + np.abs(bent).max() + rounding)
-        if doubt < best.doubt:
-            best = Gap(fine, best.reported, doubt, least)
+        uncertainty = float(np.abs(fine - coarse).max() + np.abs(bent).max() + rounding)
+        if uncertainty < best.uncertainty:
+            best = Gap(fine, best.reported, uncertainty, least)
     return best
 
 

@@ -209,11 +209,11 @@ def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
 
 
 def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
-    """Largest errors of pose, twist and reactions, the doubt of the checked run added."""
+    """Largest errors of pose, twist and reactions, the uncertainty of the checked run added."""
     layout = runner.compiled.layout
     rows, _ = runner.sampled(setting)
-    doubt = distances(true.other, true.rows, layout)
-    errors = distances(rows, true.rows, layout) + doubt
+    uncertainty = distances(true.other, true.rows, layout)
+    errors = distances(rows, true.rows, layout) + uncertainty
     return tuple(errors.max(axis=0).tolist())
 
 

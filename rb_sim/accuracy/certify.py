@@ -308,7 +308,7 @@ class Certificate:
     """settings of the two runs that it was compared with."""
     errors: tuple[float, ...]
     """largest error of each of NAMES up to `known_until`, in UNITS; infinite if that is 0."""
-    doubt: tuple[float, ...]
+    uncertainty: tuple[float, ...]
     """share of it that is not the method's: by how much the two runs part, and one ulp grows."""
     one_ulp: tuple[float, ...]
     """what one ulp in every coordinate of the start grows to up to there."""
@@ -334,7 +334,7 @@ class Certificate:
             "setting": self.setting,
             "checked_by": list(self.checked_by),
             "errors": finite(self.errors),
-            "doubt": finite(self.doubt),
+            "uncertainty": finite(self.uncertainty),
             "one_ulp": dict(zip(NAMES, self.one_ulp, strict=True)),
             "duration": self.duration,
             "known_until": self.known_until,
@@ -355,7 +355,8 @@ class Certificate:
         ulp = max(self.one_ulp[:2])
         text = [
             f"global error{upto} at most: {listed(self.errors)}",
-            f"by second runs ({first}; {second}), uncertain by {max(self.doubt[:2]):.1e} (m, rad); "
+            f"by second runs ({first}; {second}), uncertain by "
+            f"{max(self.uncertainty[:2]):.1e} (m, rad); "
             f"growth of a 1-ulp perturbation: {ulp:.1e} (m, rad)",
         ]
         if math.isfinite(self.lyapunov_time):
@@ -457,22 +458,22 @@ def stated(
     layout, times = runner.compiled.layout, runner.times
     size = sizes(true.rows, layout)
     rounded = ulp + rounded_at_impacts(times, ulp, runner.impacts(true.setting))
-    doubt = distances(true.other, true.rows, layout) + rounded
-    error = MARGIN * (distances(rows, true.rows, layout) + doubt)
+    uncertainty = distances(true.other, true.rows, layout) + rounded
+    error = MARGIN * (distances(rows, true.rows, layout) + uncertainty)
     known, by_ulp = (
-        reach(shares(each, size, true.rows, runner)) for each in (doubt, MARGIN * rounded)
+        reach(shares(each, size, true.rows, runner)) for each in (uncertainty, MARGIN * rounded)
     )
     follows = reach(shares(error, size, true.rows, runner))
     upto = slice(0, max(known, 1))
     growth = growth_of(times, shares(ulp, size, true.rows, runner))
     ends = [float(times[max(k - 1, 0)]) for k in (known, follows)]
     if not ends[0] > 0.0:
-        error[:], doubt[:] = math.inf, math.inf
+        error[:], uncertainty[:] = math.inf, math.inf
     return Certificate(
         setting=str(setting),
         checked_by=(str(true.setting), str(true.checker)),
         errors=largest(error[upto]),
-        doubt=largest(doubt[upto]),
+        uncertainty=largest(uncertainty[upto]),
         one_ulp=largest(ulp[upto]),
         duration=duration,
         known_until=ends[0],

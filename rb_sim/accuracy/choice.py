@@ -205,7 +205,8 @@ class Choice:
     reason: str
     errors: tuple[float, ...] = ()
     """largest errors of position [m], rotation [rad], linear and angular velocity [m/s, rad/s],
-    reaction force [N] and torque [N m] over the duration, the doubt of the checked run added."""
+    reaction force [N] and torque [N m] over the duration, the uncertainty of the checked run
+    added."""
 
     @property
     def setting(self) -> Setting:

@@ -101,7 +101,7 @@ class Interpolated:
         both = self._along(self._pose, 7, t)
         return both[:, :3], unit(both[:, 3:])
 
-    def doubt(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def uncertainty(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Estimated interpolation error of position [m] and attitude [rad], shape (n,) each.
 
         Difference between cubic splines and those of order NEXT. It equals the error if higher
@@ -117,7 +117,7 @@ class Interpolated:
         free = (self._turn[self._interval(t)] > FAST) & ~self._own(t)
         return self._around(off[0], t), np.where(free, np.pi, self._around(off[1], t))
 
-    def doubt_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def uncertainty_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Estimated error of `of`: norm of each 3 of the k columns, shape (n, k // 3)."""
         if self.same(t) is not None:
             return np.zeros((len(t), values.shape[1] // 3))

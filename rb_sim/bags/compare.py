@@ -58,7 +58,7 @@ DIVERGED = 1e-3
 """Relative difference that counts as divergence without a bound, if above rounding (`floors`)."""
 CALENDAR = 1e6
 """[s]: start times beyond it count from an epoch."""
-DOUBTFUL = 0.1
+SUSPECT = 0.1
 """Fraction of a difference that interpolation may cause before a note says so."""
 SURELY = 1.5
 """Safety factor on the interpolation error, which is a third too low at 2 rad per sample."""
@@ -86,7 +86,7 @@ class Differences:
     """name in A: name in B."""
     left_out: dict[str, int] = field(default_factory=dict)
     """by body or reaction: number of instants of A at which B has a gap."""
-    doubts: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    uncertainties: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """as `series`: estimated interpolation error of B."""
     units: dict[str, str] = field(default_factory=dict)
     """by body: a line if A or B seems to be in other units than metres."""
@@ -118,21 +118,21 @@ class Differences:
             lines.append(f"the best offset is {first} at the start and {last} at the end: more "
                          "than clocks drift, so the motions differ; bounds are checked with both "
                          "offsets as well")  # fmt: skip
-        for name, doubts in self.doubts.items():
-            doubtful = [
-                f"{doubt.max():.2g} {UNITS[quantity]} of {quantity}"
-                for quantity, doubt in doubts.items()
-                if doubt.max() > max(self._matters(name, quantity), self.floors[quantity])
+        for name, uncertainties in self.uncertainties.items():
+            uncertain = [
+                f"{uncertainty.max():.2g} {UNITS[quantity]} of {quantity}"
+                for quantity, uncertainty in uncertainties.items()
+                if uncertainty.max() > max(self._matters(name, quantity), self.floors[quantity])
             ]
-            if doubtful:
+            if uncertain:
                 lines.append(f"{name}: interpolation between the samples of B causes differences "
-                             f"up to {', '.join(doubtful)}")  # fmt: skip
+                             f"up to {', '.join(uncertain)}")  # fmt: skip
         return lines
 
     def _matters(self, name: str, quantity: str) -> float:
         """Interpolation error above which a note names it."""
         largest = float(self.series[name][quantity].max())
-        return max(DOUBTFUL * largest, DIVERGED * self.scales[name][quantity])
+        return max(SUSPECT * largest, DIVERGED * self.scales[name][quantity])
 
     @property
     def start(self) -> float:
@@ -222,17 +222,17 @@ def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
         "angle": angle_between(orientation, a.orientation[within]),
     }
     scales = {"position": float(np.ptp(p, axis=0).max()), "angle": 1.0}
-    of_pose = other.doubt(t)
-    doubts = {"position": of_pose[0], "angle": of_pose[1]}
+    of_pose = other.uncertainty(t)
+    uncertainties = {"position": of_pose[0], "angle": of_pose[1]}
     rates = (("velocity", a.linear_velocity, b.linear_velocity),
              ("spin", a.angular_velocity, b.angular_velocity))  # fmt: skip
     for quantity, one, two in rates:
         if one is not None and two is not None:
             series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
-            doubts[quantity] = other.doubt_of(two, t)[:, 0]
+            uncertainties[quantity] = other.uncertainty_of(two, t)[:, 0]
             scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
     result.t[name], result.series[name], result.scales[name] = a.t[within], series, scales
-    result.doubts[name] = doubts
+    result.uncertainties[name] = uncertainties
 
 
 def _known(result: Differences, name: str, a: Track, b: Interpolated) -> np.ndarray:
@@ -258,10 +258,15 @@ def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> N
         return
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
     result.t[key] = a.t[within]
-    difference, doubt = other.of(b.values, t) - a.values[within], other.doubt_of(b.values, t)
-    result.series[key] = {"force": np.linalg.norm(difference[:, :3], axis=1),
-                          "torque": np.linalg.norm(difference[:, 3:], axis=1)}  # fmt: skip
-    result.doubts[key] = {"force": doubt[:, 0], "torque": doubt[:, 1]}
+    difference, uncertainty = (
+        other.of(b.values, t) - a.values[within],
+        other.uncertainty_of(b.values, t),
+    )
+    result.series[key] = {
+        "force": np.linalg.norm(difference[:, :3], axis=1),
+        "torque": np.linalg.norm(difference[:, 3:], axis=1),
+    }
+    result.uncertainties[key] = {"force": uncertainty[:, 0], "torque": uncertainty[:, 1]}
     result.scales[key] = {
         "force": float(np.linalg.norm(a.values[:, :3], axis=1).max()),
         "torque": float(np.linalg.norm(a.values[:, 3:], axis=1).max()),
@@ -281,8 +286,8 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
         for quantity, values in series.items():
             floor = found.floors[quantity]
             bound = given.get(quantity, max(DIVERGED * found.scales[name][quantity], floor))
-            doubt = found.doubts[name][quantity]
-            table[name][quantity] = _figures(found.t[name], values, doubt, bound, floor)
+            uncertainty = found.uncertainties[name][quantity]
+            table[name][quantity] = _figures(found.t[name], values, uncertainty, bound, floor)
             worst = max([found, *found.unaligned], key=lambda one: _largest(one, name, quantity))
             largest = _largest(worst, name, quantity)
             if quantity in given and largest > given[quantity] and worst is not found:
@@ -293,7 +298,7 @@ def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> di
             elif quantity in given and not values.max() <= given[quantity]:
                 exceeded.append(
                     f"{name}: {quantity} {values.max():.3g} {UNITS[quantity]}, allowed "
-                    f"{given[quantity]:g}{_interpolated(values, doubt, UNITS[quantity])}"
+                    f"{given[quantity]:g}{_interpolated(values, uncertainty, UNITS[quantity])}"
                 )
     if given and found.shared < TOGETHER:
         exceeded.append(
@@ -325,20 +330,20 @@ def _largest(found: Differences, name: str, quantity: str) -> float:
     return float(found.series.get(name, {}).get(quantity, np.zeros(1)).max())
 
 
-def _interpolated(values: np.ndarray, doubt: np.ndarray, unit: str) -> str:
+def _interpolated(values: np.ndarray, uncertainty: np.ndarray, unit: str) -> str:
     """Text with the share of interpolation in the largest difference; "" if negligible."""
-    made = float(doubt[int(np.argmax(values))])
+    made = float(uncertainty[int(np.argmax(values))])
     return (
         f" (of which interpolation up to {made:.2g} {unit})"
-        if made > DOUBTFUL * values.max()
+        if made > SUSPECT * values.max()
         else ""
     )
 
 
 def _figures(
-    t: np.ndarray, values: np.ndarray, doubt: np.ndarray, bound: float, floor: float
+    t: np.ndarray, values: np.ndarray, uncertainty: np.ndarray, bound: float, floor: float
 ) -> dict[str, Any]:
-    sure = values - SURELY * doubt
+    sure = values - SURELY * uncertainty
     above = np.flatnonzero(sure > bound)
     return {
         "samples": len(values),
@@ -348,7 +353,7 @@ def _figures(
         "bound": float(bound),
         "first_above": float(t[above[0]]) if len(above) else None,
         "rounding": float(floor),
-        "interpolation": float(doubt.max()),
+        "interpolation": float(uncertainty.max()),
         "growth": growth_rate(t, values) if _of_motions(values, sure, floor) else None,
     }
 

@@ -248,7 +248,7 @@ class Balance(NamedTuple):
     """change - supply, which would be zero without error."""
     scale: float
     """that it is compared with; 0 if nothing was exchanged."""
-    doubt: float
+    uncertainty: float
     """how far the supply may be wrong that is integrated over the samples."""
     unsure: float
     """how far the samples are from the change in the intervals that are left out."""
@@ -258,10 +258,10 @@ class Balance(NamedTuple):
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         relative = abs(self.error) / self.scale if self.scale > 0.0 else None
-        doubt = self.doubt + self.unsure
+        uncertainty = self.uncertainty + self.unsure
         return {
-            "error": self.error, "relative": relative, "scale": self.scale, "quadrature": doubt,
-        }  # fmt: skip
+            "error": self.error, "relative": relative, "scale": self.scale, "quadrature":
+            uncertainty, }  # fmt: skip
 
 
 def _given(body: Body) -> tuple[float, float, float]:
@@ -307,10 +307,10 @@ class Account:
     def total(self) -> tuple[Array, Array, Array, Array, Array]:
         """Change less supply, how far the supply may be wrong, by how much the samples are off the
         change in what is left out, the supply, and the sum of its sizes."""
-        supplied, doubt, size = self._rule.total()
+        supplied, uncertainty, size = self._rule.total()
         supplied, size = supplied + self._left_out[0], size + self._left_out[1]
         error = self._end[1][0] - self._first - supplied
-        return error, doubt, self._unsure, supplied, size
+        return error, uncertainty, self._unsure, supplied, size
 
 
 class Ledger:
@@ -460,10 +460,10 @@ class Ledger:
         if energy is None:
             return 0
         power = smooth_power(block, self._scene, self._layout)[:, None]
-        pieces, doubt, _ = integrals(block.t, power)[:, :, 0]
+        pieces, uncertainty, _ = integrals(block.t, power)[:, :, 0]
         done = np.append(0.0, np.cumsum(pieces)) + block.contact_work
         error = block.energy - energy["initial"] - energy["work"] - (done - done[-1])
-        beyond = np.flatnonzero(~(np.abs(error) - doubt.sum() <= bound * energy["scale"]))
+        beyond = np.flatnonzero(~(np.abs(error) - uncertainty.sum() <= bound * energy["scale"]))
         return int(beyond[0]) if len(beyond) else len(block) - 1
 
     def contacts(self) -> dict[str, Any] | None:
@@ -482,9 +482,11 @@ class Ledger:
         """Those that are known, by the names of their checks."""
         if self._last is None:
             return {}
-        error, doubt, unsure, _, size = (float(row[0]) for row in self._work.total())
+        error, uncertainty, unsure, _, size = (float(row[0]) for row in self._work.total())
         known = (self._missed <= MOST * (self.samples - 1)).tolist()
-        found = {"energy": Balance(error, self._energies.scale(size), doubt, unsure, known[0])}
+        found = {
+            "energy": Balance(error, self._energies.scale(size), uncertainty, unsure, known[0])
+        }
         if self.unknown_force:
             return found
         *rows, impulse, _ = self._impulse.total()
@@ -492,6 +494,6 @@ class Ledger:
             part = slice(3 * k, 3 * k + 3)
             scale = max(float(self._largest[k]), float(np.linalg.norm(impulse[part])))
             scale = scale if scale > self._momentum_noise[k] else 0.0
-            error, doubt, unsure = (float(np.linalg.norm(row[part])) for row in rows)
-            found[name] = Balance(error, scale, doubt, unsure, known[1])
+            error, uncertainty, unsure = (float(np.linalg.norm(row[part])) for row in rows)
+            found[name] = Balance(error, scale, uncertainty, unsure, known[1])
         return found

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-DOUBTS = 10.0
-"""Times what the samples leave in doubt of an integral, that it may be wrong by."""
+UNCERTAINTIES = 10.0
+"""Times the uncertainty of an integral from its samples, that it may be wrong by."""
 
 TIMES = 10.0
 """Bound of a momentum over that of the energy."""
@@ -65,8 +65,8 @@ def unbalanced(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
             bound, at_rest = TIMES * effort.balance, 0.0
             if scale == 0.0:
                 continue
-        doubt = at_rest + DOUBTS * balance.doubt
-        if np.isfinite(error) and (not balance.known or error <= bound * scale + doubt):
+        uncertainty = at_rest + UNCERTAINTIES * balance.uncertainty
+        if np.isfinite(error) and (not balance.known or error <= bound * scale + uncertainty):
             continue
         if name == "energy":
             lost = np.flatnonzero(~np.isfinite(block.energy))

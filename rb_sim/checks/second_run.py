@@ -89,7 +89,7 @@ PIECE = 32
 """Maximum number of instants between two checks of the second run's counted time."""
 
 
-DOUBTFUL = 0.1 * BOUND
+SUSPECT = 0.1 * BOUND
 """Error above which one within BOUND is estimated again by a still finer run: near an instability a
 finer run may be as wrong as the run."""
 
@@ -237,7 +237,7 @@ class SecondRun:
             found = self._by(other, limit)
             more = self._second_steps > (1.25 if fixed else 1.0) * taken
             if more or found.upto is not None or other.last:
-                if not other.last and found.upto is None and DOUBTFUL < found.relative <= BOUND:
+                if not other.last and found.upto is None and SUSPECT < found.relative <= BOUND:
                     third = self._by(_finer(self._simulation, self._compiled, finer + 1), limit)
                     return third if third.relative > found.relative else found
                 break

@@ -45,19 +45,19 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
-from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, PUSH, WIDTH, six
+from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, RESPONSE, WIDTH, six
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.complementarity import (
     CONTRADICTION,
+    EQUALITY,
     FIRST,
-    HOLDS,
-    PUSHES,
-    RUBS,
+    FRICTION,
     SECOND,
+    UNILATERAL,
     Equations,
     solution,
 )
-from rb_sim.numerics.complementarity import PUSH as OF_PUSH
+from rb_sim.numerics.complementarity import NORMAL as OF_NORMAL
 from rb_sim.numerics.kernels import inline, integers, pointer
 from rb_sim.numerics.vectors import symmetric_times
 
@@ -189,23 +189,23 @@ def read_velocities(system, y, u):
 @inline
 def write_all_rows(system, t, y, workspace):
     """The rows at (t, y) into the workspace: the Jacobian with every contact closed and stuck, the
-    pushes and loads in the modes that the table of contacts has."""
-    touch, n = system.touch, system.row_table.shape[0]
-    modes = np.empty((touch.shape[0], 4))
-    for c in range(touch.shape[0]):
+    force directions and loads in the modes that the table of contacts has."""
+    table, n = system.contact_table, system.row_table.shape[0]
+    modes = np.empty((table.shape[0], 4))
+    for c in range(table.shape[0]):
         for j in range(4):
-            modes[c, j] = touch[c, CLOSED + j]
-        touch[c, CLOSED] = 1.0
-        touch[c, SLIDE] = STUCK
-        touch[c, ROLL] = STUCK
-        touch[c, SPIN] = STUCK
+            modes[c, j] = table[c, CLOSED + j]
+        table[c, CLOSED] = 1.0
+        table[c, SLIDE] = STUCK
+        table[c, ROLL] = STUCK
+        table[c, SPIN] = STUCK
     write_rows(system, t, y)
     for k in range(n):
         spread_row(system, system.rows, k, workspace.J)
         workspace.row_bias[k], workspace.row_rate[k] = system.rows[k, BIAS], system.rows[k, RATE]
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         for j in range(4):
-            touch[c, CLOSED + j] = modes[c, j]
+            table[c, CLOSED + j] = modes[c, j]
     unconstrained(system, t, y)
     for k in range(n):
         spread_row(system, system.force_rows, k, workspace.W)
@@ -217,7 +217,7 @@ def write_all_rows(system, t, y, workspace):
                 workspace.W[k, j] = workspace.J[k, j]
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            workspace.free_accelerations[6 * i + j] = system.bodies[i, PUSH + j]
+            workspace.free_accelerations[6 * i + j] = system.bodies[i, RESPONSE + j]
 
 
 @inline
@@ -274,9 +274,9 @@ def add_row(workspace, n, k, rule):
 
 @inline
 def add_bound(workspace, m, places, limit, move):
-    """Let the rows at places (first, second or -1, push) have the m-th bound, for the move
+    """Let the rows at places (first, second or -1, normal) have the m-th bound, for the move
     (contact, way); returns how many there are now."""
-    workspace.bounds[m, FIRST], workspace.bounds[m, SECOND], workspace.bounds[m, OF_PUSH] = places
+    workspace.bounds[m, FIRST], workspace.bounds[m, SECOND], workspace.bounds[m, OF_NORMAL] = places
     workspace.limits[m] = limit
     workspace.moves[m, 0], workspace.moves[m, 1] = move
     return m + 1
@@ -287,10 +287,10 @@ NO_ROW = -1
 
 
 @inline
-def add_contact(workspace, n, k, push, ways):
-    """Let the rows of a contact take part, the first of which is k: by the rule of its push, and of
-    its slip, its rolling and its spin; returns how many rows there are now."""
-    rules = (push, ways[0], ways[0], ways[1], ways[1], ways[2])
+def add_contact(workspace, n, k, normal, ways):
+    """Let the rows of a contact take part, the first of which is k: by the rule of its normal row,
+    and of its slip, its rolling and its spin; returns how many rows there are now."""
+    rules = (normal, ways[0], ways[0], ways[1], ways[1], ways[2])
     for j in range(6):
         if rules[j] != NO_ROW:
             n = add_row(workspace, n, k + j, rules[j])
@@ -299,23 +299,23 @@ def add_contact(workspace, n, k, push, ways):
 
 @inline
 def add_bounds(workspace, m, c, k, ways, limits):
-    """Bound what RUBS of contact c, whose rows take part, by these parts of its push; returns how
-    many bounds there are now."""
+    """Bound the friction rows of contact c that take part by these parts of its normal force;
+    returns how many bounds there are now."""
     at, first, second = workspace.place_of, (k + 1, k + 3, k + 5), (k + 2, k + 4, k + 5)
     for way in range(3):
-        if ways[way] == RUBS:
+        if ways[way] == FRICTION:
             other = at[second[way]] if way < 2 else -1
             m = add_bound(workspace, m, (at[first[way]], other, at[k]), limits[way], (c, way))
     return m
 
 
 @inline
-def ways_at_rest(touch, c):
-    """Of each way of a contact RUBS where it rests, else NO_ROW."""
+def ways_at_rest(table, c):
+    """Of each way of a contact FRICTION where it rests, else NO_ROW."""
     return (
-        RUBS if touch[c, SLIDE] == STUCK else NO_ROW,
-        RUBS if touch[c, ROLL] == STUCK else NO_ROW,
-        RUBS if touch[c, SPIN] == STUCK else NO_ROW,
+        FRICTION if table[c, SLIDE] == STUCK else NO_ROW,
+        FRICTION if table[c, ROLL] == STUCK else NO_ROW,
+        FRICTION if table[c, SPIN] == STUCK else NO_ROW,
     )
 
 
@@ -354,25 +354,25 @@ def easing(workspace):
 def lay_out_forces(system, workspace):
     """The rows that hold, and their laws; the last rows are the given forces of pressed contacts,
     each with a value of its own. Returns (rows, bounds)."""
-    touch, n, m, ease = system.touch, 0, 0, easing(workspace)
+    table, n, m, ease = system.contact_table, 0, 0, easing(workspace)
     for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, HOLDS)
-    for c in range(touch.shape[0]):
+        n = add_row(workspace, n, k, EQUALITY)
+    for c in range(table.shape[0]):
         if workspace.taking_part[c] == 0:
             continue
-        push = HOLDS if touch[c, BILATERAL] == 1.0 else PUSHES
-        push = push if workspace.taking_part[c] == CANDIDATE else NO_ROW
-        n = add_contact(workspace, n, first_row_of(system, c), push, ways_at_rest(touch, c))
-    for c in range(touch.shape[0]):
+        normal = EQUALITY if table[c, BILATERAL] == 1.0 else UNILATERAL
+        normal = normal if workspace.taking_part[c] == CANDIDATE else NO_ROW
+        n = add_contact(workspace, n, first_row_of(system, c), normal, ways_at_rest(table, c))
+    for c in range(table.shape[0]):
         if workspace.taking_part[c] == 0:
             continue
         k = first_row_of(system, c)
         if workspace.taking_part[c] == PRESSED:
-            n = add_row(workspace, n, k, HOLDS)
+            n = add_row(workspace, n, k, EQUALITY)
         # the kinetic bound once it has left its rest
-        slip = touch[c, KINETIC] if workspace.moved[c, 0] == 1 else touch[c, STATIC]
-        limits = ease * slip, ease * touch[c, ROLLING_ARM], ease * touch[c, SPINNING_ARM]
-        m = add_bounds(workspace, m, c, k, ways_at_rest(touch, c), limits)
+        slip = table[c, KINETIC] if workspace.moved[c, 0] == 1 else table[c, STATIC]
+        limits = ease * slip, ease * table[c, ROLLING_ARM], ease * table[c, SPINNING_ARM]
+        m = add_bounds(workspace, m, c, k, ways_at_rest(table, c), limits)
     return n, m
 
 
@@ -429,9 +429,9 @@ def assemble(system, workspace, level, n, now, duration, A, b, terms):
             size = size_of_terms(system, workspace.J, k, now.u) + abs(workspace.row_rate[k])
             terms[i] += size / duration
     i = rows_of_joints
-    for c in range(system.touch.shape[0]):
+    for c in range(system.contact_table.shape[0]):
         if workspace.taking_part[c] == PRESSED:
-            b[i], terms[i] = -system.touch[c, SPRING], system.touch[c, SPRING]
+            b[i], terms[i] = -system.contact_table[c, SPRING], system.contact_table[c, SPRING]
             i += 1
 
 
@@ -458,7 +458,7 @@ def find_moving(system, workspace, m, w, duration):
         )
         if duration * size**0.5 > velocity_tolerance:
             new = new or workspace.moved[c, way] == 0
-            system.touch[c, SLIDE + way] = SLIDING
+            system.contact_table[c, SLIDE + way] = SLIDING
     return new
 
 
@@ -470,14 +470,14 @@ def answer_over(system, workspace, y, duration):
     now = Velocities(np.empty_like(workspace.free_accelerations), np.empty_like(workspace.row_rate))
     read_velocities(system, y, now.u)
     along_rows(system, workspace, now.u, now.v)
-    modes = np.empty((system.touch.shape[0], 3))
+    modes = np.empty((system.contact_table.shape[0], 3))
     for c in range(modes.shape[0]):
         for way in range(3):
-            modes[c, way] = system.touch[c, SLIDE + way]
+            modes[c, way] = system.contact_table[c, SLIDE + way]
     for _ in range(1 + 3 * modes.shape[0]):
         for c in range(modes.shape[0]):
             for way in range(3):
-                system.touch[c, SLIDE + way] = modes[c, way]
+                system.contact_table[c, SLIDE + way] = modes[c, way]
         n, m = lay_out_forces(system, workspace)
         A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
         x, w = np.empty(n), np.empty(n)
@@ -491,7 +491,7 @@ def answer_over(system, workspace, y, duration):
             break
         for i in range(m):
             c, way = workspace.moves[i, 0], workspace.moves[i, 1]
-            if system.touch[c, SLIDE + way] == SLIDING:
+            if system.contact_table[c, SLIDE + way] == SLIDING:
                 workspace.moved[c, way] = 1
     for k in range(workspace.impulses.shape[0]):
         workspace.impulses[k] = 0.0

@@ -61,7 +61,7 @@ CONTACT_ROWS = 6
 ENOUGH = 1e-7
 """Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
 far below what the step itself leaves, of its order."""
-BOUND, GIVE, VISCOUS_PER_PUSH, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
+BOUND, COMPLIANCE, VISCOUS_PER_NORMAL, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
 """Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
 support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,
 arms of rolling and spinning resistance."""
@@ -106,7 +106,7 @@ def rate_of(rows, k, u, b, a):
 
 
 @inline
-def push(rows, k, u, b, a, x):
+def add_impulse(rows, k, u, b, a, x):
     """u += M^-1 J^T x of row k."""
     light = rows[k, LIGHT_B] * x
     for j in range(3):

@@ -34,10 +34,10 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SLIDE,
     SLIP,
     SLIP_DIRECTION,
+    SPEED_TOLERANCE,
     SPIN,
     SPINNING_ARM,
     STATIC,
-    STILL,
     ContactBodies,
     first_row_of,
 )
@@ -61,32 +61,32 @@ that the laws allow differ; below is rounding."""
 @inline
 def velocity_tolerance_of(system):
     """[m/s]."""
-    return STILL * system.speed
+    return SPEED_TOLERANCE * system.speed
 
 
 @inline
 def spin_tolerance_of(system):
     """[rad/s]."""
-    return STILL * system.speed / system.length
+    return SPEED_TOLERANCE * system.speed / system.length
 
 
 @inline
 def touches(system, c):
     """True if contact c is rigid and its surfaces touch."""
-    touch = system.touch
-    if touch[c, COMPLIANT] == 1.0 or touch[c, LEAN_SIGN] == ABSENT:
+    table = system.contact_table
+    if table[c, COMPLIANT] == 1.0 or table[c, LEAN_SIGN] == ABSENT:
         return False
-    return touch[c, GAP] <= TOUCHING * system.length or touch[c, BILATERAL] == 1.0
+    return table[c, GAP] <= TOUCHING * system.length or table[c, BILATERAL] == 1.0
 
 
 @inline
 def find_touching(system, workspace):
     """The contacts that touch take part; returns the one of them that approaches fastest, or -1."""
-    touch, fastest = system.touch, -1
-    for c in range(touch.shape[0]):
+    table, fastest = system.contact_table, -1
+    for c in range(table.shape[0]):
         here = touches(system, c)
         workspace.taking_part[c] = 1 if here else 0
-        if here and (fastest < 0 or touch[c, GAP_RATE] < touch[fastest, GAP_RATE]):
+        if here and (fastest < 0 or table[c, GAP_RATE] < table[fastest, GAP_RATE]):
             fastest = c
     return fastest
 
@@ -94,13 +94,13 @@ def find_touching(system, workspace):
 @inline
 def slip_speed(system, c):
     """[m/s]."""
-    return norm(vec(system.touch, c, SLIP))
+    return norm(vec(system.contact_table, c, SLIP))
 
 
 @inline
 def turning(system, c):
     """Relative angular velocity of contact c: (across the normal, along it) [rad/s]."""
-    turn, n = vec(system.touch, c, RELATIVE_SPIN), vec(system.touch, c, NORMAL)
+    turn, n = vec(system.contact_table, c, RELATIVE_SPIN), vec(system.contact_table, c, NORMAL)
     about = dot(turn, n)
     return sub(turn, scale(about, n)), about
 
@@ -123,7 +123,7 @@ class Workspace(NamedTuple):
     J: np.ndarray
     """rows of constraints and contacts, those of the candidates as if they held, (n, 6 N)."""
     W: np.ndarray
-    """pushes: J, but for the normals of slipping contacts, (n, 6 N)."""
+    """force directions: J, but for the normals of slipping contacts, (n, 6 N)."""
     row_bias: np.ndarray
     row_rate: np.ndarray
     """b of J u = b, (n,)."""
@@ -209,7 +209,7 @@ WORKSPACE_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _
 
 def workspace_for(system: ContactBodies) -> Workspace:
     """Tables for the system, not filled yet."""
-    rows, contacts = len(system.row_table), len(system.touch)
+    rows, contacts = len(system.row_table), len(system.contact_table)
     lengths = {
         "rows": rows, "velocities": 6 * len(system.bodies), "contacts": contacts,
         "bodies": len(system.bodies), "places": rows + contacts, "bounds": WAYS * contacts,
@@ -260,7 +260,7 @@ def note_impulses(system, workspace, t, kind):
     x, J, most = workspace.impulses, workspace.J, 0.0
     for k in range(x.shape[0]):
         most = max(most, abs(x[k]))
-    for c in range(system.touch.shape[0]):
+    for c in range(system.contact_table.shape[0]):
         k = first_row_of(system, c)
         if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > SOLVED * most:
             b = 6 * system.row_table[k, BODY]
@@ -279,7 +279,7 @@ def take_before(system, workspace):
     """Keep the modes that the contacts have before an event."""
     for c in range(workspace.before.shape[0]):
         for j in range(workspace.before.shape[1]):
-            workspace.before[c, j] = system.touch[c, j]
+            workspace.before[c, j] = system.contact_table[c, j]
 
 
 @inline
@@ -287,28 +287,28 @@ def note_way(system, workspace, t, c, way, kinds):
     """Note a change of one kind of friction; way: columns of its mode and its bound, kinds: those
     of its beginning and its end."""
     mode, bound = way
-    was, now = workspace.before[c, mode], system.touch[c, mode]
-    if system.touch[c, bound] > 0.0 and was != now:
+    was, now = workspace.before[c, mode], system.contact_table[c, mode]
+    if system.contact_table[c, bound] > 0.0 and was != now:
         note(workspace, t, c, kinds[1] if now == STUCK else kinds[0], (0.0, 0.0, 0.0))
 
 
 @inline
 def note_changes(system, workspace, t):
     """Note what opened, closed, slipped and stuck."""
-    touch, before = system.touch, workspace.before
-    for c in range(touch.shape[0]):
-        if before[c, CLOSED] != touch[c, CLOSED]:
-            note(workspace, t, c, CLOSES if touch[c, CLOSED] != 0.0 else OPENS, (0.0, 0.0, 0.0))
-        if touch[c, CLOSED] == 0.0:
+    table, before = system.contact_table, workspace.before
+    for c in range(table.shape[0]):
+        if before[c, CLOSED] != table[c, CLOSED]:
+            note(workspace, t, c, CLOSES if table[c, CLOSED] != 0.0 else OPENS, (0.0, 0.0, 0.0))
+        if table[c, CLOSED] == 0.0:
             continue
         note_way(system, workspace, t, c, (SLIDE, STATIC), (SLIPS, STICKS))
         note_way(system, workspace, t, c, (ROLL, ROLLING_ARM), (ROLLS, STOPS_ROLLING))
         note_way(system, workspace, t, c, (SPIN, SPINNING_ARM), (SPINS, STOPS_SPINNING))
         along = 0.0
         for j in range(3):
-            along += before[c, SLIP_DIRECTION + j] * touch[c, SLIP_DIRECTION + j]
-        slides = before[c, SLIDE] == SLIDING and touch[c, SLIDE] == SLIDING
-        if touch[c, STATIC] > 0.0 and slides and along < 0.0:
+            along += before[c, SLIP_DIRECTION + j] * table[c, SLIP_DIRECTION + j]
+        slides = before[c, SLIDE] == SLIDING and table[c, SLIDE] == SLIDING
+        if table[c, STATIC] > 0.0 and slides and along < 0.0:
             note(workspace, t, c, REVERSES, (0.0, 0.0, 0.0))
 
 

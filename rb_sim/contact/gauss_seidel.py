@@ -23,9 +23,9 @@ import numpy as np
 
 from rb_sim.contact.contact_graph import (
     BOUND,
+    COMPLIANCE,
     CONTACT_ROWS,
     FORCE_A,
-    GIVE,
     LIGHT_A,
     LIGHT_B,
     PULLS,
@@ -34,9 +34,9 @@ from rb_sim.contact.contact_graph import (
     TURN_A,
     TURN_B,
     VISCOUS,
-    VISCOUS_PER_PUSH,
+    VISCOUS_PER_NORMAL,
+    add_impulse,
     coupled,
-    push,
     rate_of,
 )
 from rb_sim.numerics.kernels import inline
@@ -133,10 +133,10 @@ def one_contact(w, q, mu):
     if mu == 0.0:
         return -q[0] / w[0], 0.0, 0.0
     x, y = held_back(a, b, c, p1, p2, 0.0)
-    push = -q[0] / w[0] - m1 * x - m2 * y
+    normal = -q[0] / w[0] - m1 * x - m2 * y
     mu = min(mu, ROUGH)
-    if push >= 0.0 and x * x + y * y <= mu * mu * push * push:
-        return push, x, y
+    if normal >= 0.0 and x * x + y * y <= mu * mu * normal * normal:
+        return normal, x, y
     x, y = on_bound(a, b, c, p1, p2, -mu * q[0] / w[0], -mu * m1, -mu * m2)
     return math.sqrt(x * x + y * y) / mu, x, y
 
@@ -166,7 +166,7 @@ def factor_joints(graph, bodies):
     rows, ends, F, diagonal = graph.joint_rows, graph.joint_ends, graph.joint_factor, graph.spare[0]
     w = np.zeros((bodies, 6))
     for k in range(F.shape[0]):
-        push(rows, k, w, ends[k, BODY], ends[k, PARENT], 1.0)
+        add_impulse(rows, k, w, ends[k, BODY], ends[k, PARENT], 1.0)
         for i in range(k, F.shape[0]):
             F[i, k] = rate_of(rows, i, w, ends[i, BODY], ends[i, PARENT])
         for j in range(6):
@@ -204,7 +204,7 @@ def ease_blocks(graph, bodies):
         k, b, a, at = CONTACT_ROWS * c, ends[c, 0], ends[c, 1], 0
         for p in range(3):
             own = coupled(rows, k + p, k + p, a)
-            push(rows, k + p, w, b, a, 1.0)
+            add_impulse(rows, k + p, w, b, a, 1.0)
             for j in range(graph.joint_rows.shape[0]):
                 e = graph.joint_ends
                 d[j] = -rate_of(graph.joint_rows, j, w, e[j, BODY], e[j, PARENT])
@@ -231,7 +231,7 @@ def give_joints(graph, u, d):
         for i in range(k + 1, m):
             d[k] -= F[i, k] * d[i]
     for k in range(m):
-        push(rows, k, u, ends[k, BODY], ends[k, PARENT], d[k])
+        add_impulse(rows, k, u, ends[k, BODY], ends[k, PARENT], d[k])
 
 
 @inline
@@ -260,7 +260,7 @@ def sweep_joints(graph, u, x):
         if own > 0.0:
             change = (graph.joint_targets[k] - rate_of(rows, k, u, b, a)) / own
             x[k] += change
-            push(rows, k, u, b, a, change)
+            add_impulse(rows, k, u, b, a, change)
             most = max(most, abs(change))
     return most
 
@@ -269,7 +269,7 @@ def sweep_joints(graph, u, x):
 def fill_block(graph, c):
     """The own block of contact c, with what its support gives."""
     k, a, block = CONTACT_ROWS * c, graph.ends[c, 1], graph.blocks
-    block[c, 0] = coupled(graph.rows, k, k, a) + graph.rules[c, GIVE]
+    block[c, 0] = coupled(graph.rows, k, k, a) + graph.rules[c, COMPLIANCE]
     block[c, 1] = coupled(graph.rows, k, k + 1, a)
     block[c, 2] = coupled(graph.rows, k, k + 2, a)
     block[c, 3] = coupled(graph.rows, k + 1, k + 1, a)
@@ -283,7 +283,7 @@ def changed_to(graph, u, x, k, b, a, value):
     change = value - x[k]
     if change != 0.0:
         x[k] = value
-        push(graph.rows, k, u, b, a, change)
+        add_impulse(graph.rows, k, u, b, a, change)
     return abs(change)
 
 
@@ -304,7 +304,7 @@ def pair_of_rows(graph, u, x, k, b, a, most, give):
 
 
 @inline
-def push_three(rows, k, u, b, a, d0, d1, d2):
+def add_contact_impulse(rows, k, u, b, a, d0, d1, d2):
     """u += M^-1 J^T d of the rows k, k + 1 and k + 2, which share their bodies."""
     light = rows[k, LIGHT_B]
     for j in range(3):
@@ -328,7 +328,7 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     """
     k, b, a = CONTACT_ROWS * c, ends[c, 0], ends[c, 1]
     r0, r1, r2 = x[k], x[k + 1], x[k + 2]
-    q0, q1, q2 = rules[c, GIVE] * r0 - targets[k], -targets[k + 1], -targets[k + 2]
+    q0, q1, q2 = rules[c, COMPLIANCE] * r0 - targets[k], -targets[k + 1], -targets[k + 2]
     for j in range(6):
         v = u[b, j]
         q0, q1, q2 = q0 + rows[k, j] * v, q1 + rows[k + 1, j] * v, q2 + rows[k + 2, j] * v
@@ -348,7 +348,7 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     change = max(abs(d0), max(abs(d1), abs(d2)))
     if change > 0.0:
         x[k], x[k + 1], x[k + 2] = n, y, z
-        push_three(rows, k, u, b, a, d0, d1, d2)
+        add_contact_impulse(rows, k, u, b, a, d0, d1, d2)
     return change
 
 
@@ -356,7 +356,7 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
 def relax_in_turn(graph, u, x, c, k, b, a):
     """Normal first, then friction, where N may pull or friction has no corner."""
     rules = graph.rules
-    missing = graph.targets[k] - rate_of(graph.rows, k, u, b, a) - rules[c, GIVE] * x[k]
+    missing = graph.targets[k] - rate_of(graph.rows, k, u, b, a) - rules[c, COMPLIANCE] * x[k]
     value = x[k] + missing / graph.blocks[c, 0]
     if rules[c, PULLS] == 0.0:
         value = max(0.0, value)
@@ -364,7 +364,7 @@ def relax_in_turn(graph, u, x, c, k, b, a):
     if rules[c, BOUND] > 0.0:
         most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
         return max(change, pair_of_rows(graph, u, x, k + 1, b, a, most, 0.0))
-    viscous = rules[c, VISCOUS_PER_PUSH] * abs(x[k]) + rules[c, VISCOUS]
+    viscous = rules[c, VISCOUS_PER_NORMAL] * abs(x[k]) + rules[c, VISCOUS]
     if rules[c, BOUND] < 0.0 and viscous > 0.0:
         change = max(change, pair_of_rows(graph, u, x, k + 1, b, a, 1e300, 1.0 / viscous))
     elif rules[c, BOUND] < 0.0:
@@ -475,8 +475,9 @@ def take_motion(u, x, joints, v, r, s):
 
 @inline
 def sweep_against_joints(graph, u, x, joints, size, enough, sweeps):
-    """As `gauss_seidel`; where that does not get there, as where push and friction work against a
-    joint, again with joints that follow each contact at once: taken if they do get there."""
+    """As `gauss_seidel`; where that does not get there, as where normal impulse and friction work
+    against a joint, again with joints that follow each contact at once: taken if they do get
+    there."""
     rest, made = gauss_seidel(graph, u, x, joints, size, enough, sweeps)
     if not (rest > enough and eliminates(graph)):
         return rest, made

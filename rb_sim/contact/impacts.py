@@ -61,7 +61,7 @@ from rb_sim.contact.event_workspace import (
     workspace_left,
 )
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
-from rb_sim.mechanics.contact.constraint_tables import traction_over_push
+from rb_sim.mechanics.contact.constraint_tables import traction_over_normal_force
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
@@ -75,8 +75,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     first_row_of,
 )
-from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, PUSH, WIDTH
-from rb_sim.numerics.complementarity import HOLDS, PUSHES, RUBS
+from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, RESPONSE, WIDTH
+from rb_sim.numerics.complementarity import EQUALITY, FRICTION, UNILATERAL
 from rb_sim.numerics.kernels import inline
 
 # Series of impacts without end: bounces closed at once, chatter, flights between.
@@ -156,20 +156,20 @@ def acceleration_along(system, workspace, k):
     s = workspace.row_bias[k]
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     for j in range(6):
-        s += workspace.J[k, 6 * b + j] * system.bodies[b, PUSH + j]
+        s += workspace.J[k, 6 * b + j] * system.bodies[b, RESPONSE + j]
     if a >= 0:
         for j in range(6):
-            s += workspace.J[k, 6 * a + j] * system.bodies[a, PUSH + j]
+            s += workspace.J[k, 6 * a + j] * system.bodies[a, RESPONSE + j]
     return s
 
 
 @inline
 def free_normal_acceleration(system, workspace, t, y, c):
     """Of the gap, with contact c open and the others as they are [m/s^2]."""
-    mode = system.touch[c, CLOSED]
-    system.touch[c, CLOSED] = 0.0
+    mode = system.contact_table[c, CLOSED]
+    system.contact_table[c, CLOSED] = 0.0
     contact_accelerations(system, t, y)
-    system.touch[c, CLOSED] = mode
+    system.contact_table[c, CLOSED] = mode
     return acceleration_along(system, workspace, first_row_of(system, c))
 
 
@@ -177,7 +177,7 @@ def free_normal_acceleration(system, workspace, t, y, c):
 def is_low(system, workspace, t, y, c):
     """True if contact c falls from, or rises to, a height that is too low to tell."""
     fall = -free_normal_acceleration(system, workspace, t, y, c)
-    height = 0.5 * system.touch[c, GAP_RATE] ** 2
+    height = 0.5 * system.contact_table[c, GAP_RATE] ** 2
     return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
 
 
@@ -193,10 +193,10 @@ def see_rest(workspace, c, t):
 @inline
 def close_endless(system, workspace, t, y):
     """Contacts whose further bounces would all be over at once become plastic, and no others."""
-    touch = system.touch
-    for c in range(touch.shape[0]):
+    table = system.contact_table
+    for c in range(table.shape[0]):
         workspace.plastic[c] = 0
-        e, speed = touch[c, RESTITUTION], -touch[c, GAP_RATE]
+        e, speed = table[c, RESTITUTION], -table[c, GAP_RATE]
         bounces = touches(system, c) and 0.0 < e < 1.0 and speed > velocity_tolerance_of(system)
         if not bounces or workspace.bounces[c] < ZENO_BOUNCES:
             continue
@@ -213,26 +213,26 @@ def close_endless(system, workspace, t, y):
 def close_rocking(system, workspace, t, y):
     """Contacts that strike and part in turns, too low to tell, close together; returns whether
     there are any."""
-    touch, velocity_tolerance, count = system.touch, velocity_tolerance_of(system), 0
+    table, velocity_tolerance, count = system.contact_table, velocity_tolerance_of(system), 0
     low, struck = True, False
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         workspace.together[c] = 0
         count += 1 if touches(system, c) else 0
-    for c in range(touch.shape[0]):
-        if count >= 2 and touches(system, c) and touch[c, GAP_RATE] < -velocity_tolerance:
+    for c in range(table.shape[0]):
+        if count >= 2 and touches(system, c) and table[c, GAP_RATE] < -velocity_tolerance:
             struck = True
             low = low and is_low(system, workspace, t, y, c)
     if not struck:
         return False
-    last = touch.shape[0]
+    last = table.shape[0]
     workspace.bounces[last] = workspace.bounces[last] + 1 if low else 0
     if workspace.bounces[last] <= ZENO_BOUNCES:
         return False
-    for c in range(touch.shape[0]):
-        if touches(system, c) and touch[c, GAP_RATE] < -velocity_tolerance:
+    for c in range(table.shape[0]):
+        if touches(system, c) and table[c, GAP_RATE] < -velocity_tolerance:
             note(workspace, t, c, RESTS, (0.0, 0.0, 0.0))
     any_together = False
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         if touches(system, c) and is_low(system, workspace, t, y, c):
             workspace.together[c] = 1
             any_together = True
@@ -269,18 +269,18 @@ def time_of_flights(system, workspace, t, y, fixed):
     A flight is to end within it.  One so low that rounding of gaps may hide it has to be cut at
     its top, as any where steps are fixed.
     """
-    touch, length, dragged = system.touch, math.inf, 0
+    table, length, dragged = system.contact_table, math.inf, 0
     near, natural = TOUCHING * system.length, system.speed**2 / system.length
     contact_accelerations(system, t, y)
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] != 0.0 or abs(touch[c, GAP]) > near:
+    for c in range(table.shape[0]):
+        if table[c, CLOSED] != 0.0 or abs(table[c, GAP]) > near:
             continue
         fall = -acceleration_along(system, workspace, first_row_of(system, c))
-        rise = touch[c, GAP_RATE]
+        rise = table[c, GAP_RATE]
         if fall > 0.0 and rise > velocity_tolerance_of(system):
             hidden = fixed or 0.5 * rise * rise < TOUCHING * fall * system.length
             length = min(length, (1.0 if hidden else LANDED) * rise / fall)
-        elif touch[c, DRAGS] == 1.0 and fall > HELD_DOWN * natural and dragged == 0:
+        elif table[c, DRAGS] == 1.0 and fall > HELD_DOWN * natural and dragged == 0:
             dragged = 1 + c
     return length, dragged
 
@@ -306,23 +306,23 @@ class Rule(NamedTuple):
     together: bool
     """what is not to part holds both ways."""
     stop: bool
-    """what is perfectly rough stops slipping, also where no push would be needed; as it does where
-    there are no other impulses."""
+    """what is perfectly rough stops slipping, also where no impulse would be needed; as it does
+    where there are no other impulses."""
 
 
 @inline
 def grips(system, c, v):
     """True if contact c is perfectly rough and does not part."""
-    rough = system.touch[c, KINETIC] == math.inf
+    rough = system.contact_table[c, KINETIC] == math.inf
     return rough and v[first_row_of(system, c)] <= velocity_tolerance_of(system)
 
 
 @inline
-def rubs_up_to(system, c, v):
+def friction_limits(system, c, v):
     """Largest tangential over normal impulse of contact c: what its law gives at the slip before
     the impact."""
     k = first_row_of(system, c)
-    return traction_over_push(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
+    return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
 @inline
@@ -331,41 +331,41 @@ def lay_out_impact(system, workspace, v, together, loose):
 
     loose: what is perfectly rough and does not part has no friction but holds.
     """
-    touch, n, m = system.touch, 0, 0
+    table, n, m = system.contact_table, 0, 0
     for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, HOLDS)
-    for c in range(touch.shape[0]):
+        n = add_row(workspace, n, k, EQUALITY)
+    for c in range(table.shape[0]):
         if workspace.taking_part[c] != 1:
             continue
         k = first_row_of(system, c)
-        both = touch[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
-        slide = HOLDS if loose and grips(system, c, v) else RUBS
-        limits = rubs_up_to(system, c, v), touch[c, ROLLING_ARM], touch[c, SPINNING_ARM]
+        both = table[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
+        slide = EQUALITY if loose and grips(system, c, v) else FRICTION
+        limits = friction_limits(system, c, v), table[c, ROLLING_ARM], table[c, SPINNING_ARM]
         ways = (
             slide if limits[0] > 0.0 else NO_ROW,
-            RUBS if limits[1] > 0.0 else NO_ROW,
-            RUBS if limits[2] > 0.0 else NO_ROW,
+            FRICTION if limits[1] > 0.0 else NO_ROW,
+            FRICTION if limits[2] > 0.0 else NO_ROW,
         )
-        n = add_contact(workspace, n, k, HOLDS if both else PUSHES, ways)
+        n = add_contact(workspace, n, k, EQUALITY if both else UNILATERAL, ways)
         m = add_bounds(workspace, m, c, k, ways, limits)
     return n, m
 
 
 @inline
 def let_press_hold(system, workspace, A, b, x, pressing):
-    """Let the pushes that do not part at the solution x hold, and mark them; returns how many there
-    are."""
+    """Let the contacts that do not part at the solution x hold, and mark them; returns how many
+    there are."""
     many, velocity_tolerance = 0, velocity_tolerance_of(system)
     for i in range(x.shape[0]):
         pressing[i] = 0.0
-        if workspace.rules[i] == PUSHES and velocity_after(A, b, i, x) <= velocity_tolerance:
-            workspace.rules[i], pressing[i] = HOLDS, 1.0
+        if workspace.rules[i] == UNILATERAL and velocity_after(A, b, i, x) <= velocity_tolerance:
+            workspace.rules[i], pressing[i] = EQUALITY, 1.0
             many += 1
     return many
 
 
 @inline
-def keeps_pushing(workspace, pressing, x):
+def keeps_pressing(workspace, pressing, x):
     """True if no contact that presses would have to pull for x."""
     most = 0.0
     for i in range(x.shape[0]):
@@ -389,7 +389,7 @@ def leave_open(workspace, A, b, terms, x, other):
 
 
 @inline
-def without_least_push(workspace, m, A, b, terms, pressing, x, other):
+def without_least_impulse(workspace, m, A, b, terms, pressing, x, other):
     """Into other the impulses where the contact that pushes least does not; returns SOLVED if there
     are some."""
     n, least = x.shape[0], -1
@@ -408,7 +408,7 @@ def take_least_shares(system, workspace, m, A, b, terms, x):
     """Where impulses have many solutions, let x be the least of them, if all that presses pushes in
     it; workspace.undetermined tells how far others end in another motion.
 
-    How the corners of a face share a push is not in the laws, and rounding would choose. Where
+    How the corners of a face share an impulse is not in the laws, and rounding would choose. Where
     they slip in several directions the friction, and the motion, depend on it.
     """
     n = x.shape[0]
@@ -417,13 +417,13 @@ def take_least_shares(system, workspace, m, A, b, terms, x):
         return
     if solve_in(workspace, n, m, A, b, terms, found) != SOLVED:
         return
-    if not keeps_pushing(workspace, pressing, found):
+    if not keeps_pressing(workspace, pressing, found):
         return
     leave_open(workspace, A, b, terms, x, found)
     for i in range(n):
         x[i] = found[i]
-    if without_least_push(workspace, m, A, b, terms, pressing, x, found) == SOLVED:
-        possible = keeps_pushing(workspace, pressing, found)
+    if without_least_impulse(workspace, m, A, b, terms, pressing, x, found) == SOLVED:
+        possible = keeps_pressing(workspace, pressing, found)
         for i in range(n):
             parts = velocity_after(A, b, i, found)
             possible = possible and not (pressing[i] == 1.0 and abs(parts) > OPEN * terms[i])
@@ -437,7 +437,7 @@ def try_impulses(system, workspace, before, rule, loose, x):
     n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
     A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
     assemble(system, workspace, VELOCITY, n, before, 1.0, A, b, terms)
-    for c in range(system.touch.shape[0]):
+    for c in range(system.contact_table.shape[0]):
         if workspace.taking_part[c] == 1:
             i = workspace.place_of[first_row_of(system, c)]
             b[i] *= 1.0 + rule.rebound[c]
@@ -457,7 +457,7 @@ def impulses_with(system, workspace, before, rule, x):
     """Into x the impulses with w = A x + v + e v-, of all rows; returns SOLVED, UNSOLVED or
     NOT_FINITE."""
     holding = False
-    for c in range(system.touch.shape[0]):
+    for c in range(system.contact_table.shape[0]):
         holding = holding or (workspace.taking_part[c] == 1 and grips(system, c, before.v))
     status = UNSOLVED
     if not (rule.stop and holding):
@@ -485,7 +485,8 @@ def gains_energy(system, workspace, u, x):
 
 @inline
 def poisson_impulses(system, workspace, before, rebound, x):
-    """Into x those of compression to rest, then of at least e times its push once more."""
+    """Into x those of compression to rest, then of at least e times its normal impulse once
+    more."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)
     first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
     status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
@@ -516,9 +517,9 @@ would choose between the two corners of an edge that lands, and the body go the 
 @inline
 def must_stop_slipping(system, c):
     """A perfectly rough contact that has just come to be, does not part, and slips."""
-    touch, velocity_tolerance = system.touch, velocity_tolerance_of(system)
-    stays = touch[c, CLOSED] == 1.0 and touch[c, GAP_RATE] <= velocity_tolerance
-    return touch[c, STATIC] == math.inf and stays and slip_speed(system, c) > velocity_tolerance
+    table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
+    stays = table[c, CLOSED] == 1.0 and table[c, GAP_RATE] <= velocity_tolerance
+    return table[c, STATIC] == math.inf and stays and slip_speed(system, c) > velocity_tolerance
 
 
 @inline
@@ -543,18 +544,18 @@ def apply_impulses(system, workspace, t, y, x):
 def impulses_of_strike(system, workspace, before, fastest, x):
     """Into x the impulses of what takes part, by the first of the rules that has some and gains no
     energy."""
-    touch, contacts = system.touch, system.touch.shape[0]
+    table, contacts = system.contact_table, system.contact_table.shape[0]
     rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
     workspace.undetermined[0] = 0.0
     for c in range(contacts):
         any_together = any_together or workspace.together[c] == 1
         if workspace.taking_part[c] == 1 and workspace.plastic[c] == 0:
             if before.v[first_row_of(system, c)] < 0.0:
-                rebound[c] = touch[c, RESTITUTION]
+                rebound[c] = table[c, RESTITUTION]
     status = UNSOLVED
     if any_together:
         status = impulses_with(system, workspace, before, Rule(none, none, True, False), x)
-    if status == UNSOLVED and not touch[fastest, GAP_RATE] < -velocity_tolerance_of(system):
+    if status == UNSOLVED and not table[fastest, GAP_RATE] < -velocity_tolerance_of(system):
         status = impulses_with(system, workspace, before, Rule(none, none, False, True), x)
     if status == UNSOLVED:
         status = impulses_with(system, workspace, before, Rule(rebound, none, False, False), x)
@@ -575,17 +576,17 @@ def strike(system, workspace, t, y, alone):
     part either; alone: only the contact that approaches fastest, and those as fast. The impulses go
     into the workspace, and `workspace.rebounding` becomes 1 for contacts that separate after it.
     """
-    touch, velocity_tolerance = system.touch, velocity_tolerance_of(system)
+    table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
     fastest, strikes = find_touching(system, workspace), False
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         if workspace.taking_part[c] == 1:
-            approaches = touch[c, GAP_RATE] < -velocity_tolerance
+            approaches = table[c, GAP_RATE] < -velocity_tolerance
             strikes = strikes or approaches or must_stop_slipping(system, c)
     if not strikes:
         return NOTHING
-    if alone and touch[fastest, GAP_RATE] < -velocity_tolerance:
-        for c in range(touch.shape[0]):
-            as_fast = touch[c, GAP_RATE] <= (1.0 - TIED) * touch[fastest, GAP_RATE]
+    if alone and table[fastest, GAP_RATE] < -velocity_tolerance:
+        for c in range(table.shape[0]):
+            as_fast = table[c, GAP_RATE] <= (1.0 - TIED) * table[fastest, GAP_RATE]
             workspace.taking_part[c] = 1 if workspace.taking_part[c] == 1 and as_fast else 0
     u, v = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.row_rate)
     read_velocities(system, y, u)
@@ -604,7 +605,7 @@ def strike(system, workspace, t, y, alone):
     apply_impulses(system, workspace, t, y, x)
     read_velocities(system, y, u)
     along_rows(system, workspace, u, v)
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         parts = workspace.taking_part[c] == 1 and v[first_row_of(system, c)] > velocity_tolerance
         workspace.rebounding[c] = 1 if parts else 0
     return STRUCK
@@ -617,7 +618,7 @@ def strike_in_rounds(system, workspace, t, y, first, last, single):
 
     Returns (what it comes to, the next round); GOES_ON where there is no room for more notes.
     """
-    contacts = system.touch.shape[0]
+    contacts = system.contact_table.shape[0]
     for n in range(first, last):
         if workspace_left(workspace) < OF_ROUND * contacts + 1:
             return GOES_ON, n

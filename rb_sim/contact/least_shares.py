@@ -16,9 +16,9 @@ so the motion, depends on it.  As under event-driven contact (`impacts`) the
 impulses taken are those of minimum norm among those that give all normals, and what sticks, the
 same velocities.  With the joints eliminated these are W r + q of the impulses r of contacts.
 
-Pushes of minimum norm and friction within the bound of these pushes are found in turns, which keeps
-the shares (Haslinger 1983); sweeps over contacts, each with its own push, would change them.
-"""
+Normal impulses of minimum norm and friction within the bound of these impulses are found in turns,
+which keeps the shares (Haslinger 1983); sweeps over contacts, each with its own impulse, would
+change them."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ import numpy as np
 from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
 from rb_sim.contact.contact_graph import (
     BOUND,
+    COMPLIANCE,
     CONTACT_ROWS,
     ENOUGH,
-    GIVE,
     PULLS,
     ROLLS,
     SPINS,
     VISCOUS,
-    VISCOUS_PER_PUSH,
+    VISCOUS_PER_NORMAL,
+    add_impulse,
     largest,
-    push,
     rate_of,
 )
 from rb_sim.contact.gauss_seidel import (
@@ -57,17 +57,17 @@ DEPENDENT = 1e-8
 """What is left of a row of W, relative to its length, that depends on others: above what is left
 of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
 ROUNDS, TURNS, FRICTION_SWEEPS, SWEEPS = 4, 20, 100, 50
-"""Of finding least shares and checking them by sweeps; turns of pushes and friction in each; sweeps
-of friction in a turn; sweeps of the check."""
+"""Of finding least shares and checking them by sweeps; turns of normal impulses and friction in
+each; sweeps of friction in a turn; sweeps of the check."""
 FAR = 1e3
 """Times the largest impulse that other shares are not followed beyond."""
 
 
 @inline
 def shares_load(graph, u, x, i, slow):
-    """Whether contact i is rigid and bears or could: its push is an unknown."""
+    """Whether contact i is rigid and bears or could: its normal impulse is an unknown."""
     rules, k = graph.rules, CONTACT_ROWS * i
-    if rules[i, PULLS] != 0.0 or rules[i, GIVE] != 0.0:
+    if rules[i, PULLS] != 0.0 or rules[i, COMPLIANCE] != 0.0:
         return False
     if rules[i, ROLLS] > 0.0 or rules[i, SPINS] > 0.0:
         return False
@@ -101,7 +101,7 @@ def eliminated(graph, u, x, chosen):
         for body in range(u.shape[0]):
             for j in range(6):
                 w[body, j] = 0.0
-        push(graph.rows, k, w, ends[i, 0], ends[i, 1], 1.0)
+        add_impulse(graph.rows, k, w, ends[i, 0], ends[i, 1], 1.0)
         for j in range(joints):
             d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
         give_joints(graph, w, d)
@@ -113,13 +113,14 @@ def eliminated(graph, u, x, chosen):
 
 @inline
 def friction_of(graph, i, W, r, v, k, slow):
-    """(whether contact i sticks, friction along both tangents that goes with a push of 1)."""
+    """(whether contact i sticks, friction along both tangents that goes with a normal impulse of
+    1)."""
     mu = graph.rules[i, BOUND]
     if mu == 0.0:
         return False, 0.0, 0.0
     if mu < 0.0:
-        per_push = graph.rules[i, VISCOUS_PER_PUSH]
-        return False, -per_push * v[k + 1], -per_push * v[k + 2]
+        per_normal = graph.rules[i, VISCOUS_PER_NORMAL]
+        return False, -per_normal * v[k + 1], -per_normal * v[k + 2]
     slip = math.sqrt(v[k + 1] * v[k + 1] + v[k + 2] * v[k + 2])
     if slip <= slow + SOLVED_IN_CONTACT * (W[k + 1, k + 1] + W[k + 2, k + 2]) * r[k]:
         return True, 0.0, 0.0
@@ -131,8 +132,8 @@ def friction_of(graph, i, W, r, v, k, slow):
 @inline
 def list_unknowns(graph, chosen, W, r, v, slow, rows, along):
     """Write the row of each unknown impulse, and the impulses along its contact's normal and both
-    tangents that go with 1 of it; how many there are.  A contact that slips has one: its push, with
-    the friction that goes with it."""
+    tangents that go with 1 of it; how many there are.  A contact that slips has one: its normal
+    impulse, with the friction that goes with it."""
     n = 0
     for m in range(chosen.shape[0]):
         sticks, first, second = friction_of(graph, chosen[m], W, r, v, 3 * m, slow)
@@ -239,7 +240,7 @@ def step_within(graph, chosen, rows, n, x, least):
 @inline
 def find_open(graph, chosen, W, r, rows, along, n, Q, rank, x, spare):
     """(largest change of a velocity that shares leave open, within the laws and relative to what
-    impulses change of one, and the number of a contact whose push does it).
+    impulses change of one, and the number of a contact whose normal impulse does it).
 
     Q: orthonormal rows that determine impulses, of `least_with`; spare: work, shape (n,).
     """
@@ -319,7 +320,7 @@ def change_of(W, r, v, k, change):
 
 @inline
 def settle_friction(graph, chosen, W, r, v, settled):
-    """Let friction obey its law for the pushes as they are."""
+    """Let friction obey its law for the normal impulses as they are."""
     for made in range(FRICTION_SWEEPS):
         change = 0.0
         for turn in range(chosen.shape[0]):
@@ -327,7 +328,7 @@ def settle_friction(graph, chosen, W, r, v, settled):
             i, k = chosen[m], 3 * m + 1
             most, give = graph.rules[i, BOUND] * r[k - 1], 0.0
             if most < 0.0:
-                viscous = graph.rules[i, VISCOUS_PER_PUSH] * r[k - 1] + graph.rules[i, VISCOUS]
+                viscous = graph.rules[i, VISCOUS_PER_NORMAL] * r[k - 1] + graph.rules[i, VISCOUS]
                 most, give = 1e300, 1.0 / viscous if viscous > 0.0 else 0.0
             eased = PROXIMAL * (W[k, k] + W[k + 1, k + 1])
             if not eased > 0.0 or (most == 1e300 and give == 0.0):
@@ -351,7 +352,7 @@ def take_over(graph, u, x, chosen, r):
         i = chosen[m]
         for p in range(3):
             k = CONTACT_ROWS * i + p
-            push(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[3 * m + p] - x[k])
+            add_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[3 * m + p] - x[k])
             x[k] = r[3 * m + p]
 
 

@@ -79,7 +79,7 @@ from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
-from rb_sim.numerics.complementarity import HOLDS
+from rb_sim.numerics.complementarity import EQUALITY
 from rb_sim.numerics.kernels import inline, part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
@@ -95,13 +95,13 @@ FEW = 20
 @inline
 def find_held(system, workspace):
     """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
-    touch, n = system.touch, 0
+    table, n = system.contact_table, 0
     for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, HOLDS)
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] != 0.0:
-            push = HOLDS if touch[c, COMPLIANT] == 0.0 else NO_ROW
-            n = add_contact(workspace, n, first_row_of(system, c), push, ways_at_rest(touch, c))
+        n = add_row(workspace, n, k, EQUALITY)
+    for c in range(table.shape[0]):
+        if table[c, CLOSED] != 0.0:
+            normal = EQUALITY if table[c, COMPLIANT] == 0.0 else NO_ROW
+            n = add_contact(workspace, n, first_row_of(system, c), normal, ways_at_rest(table, c))
     return n
 
 
@@ -136,13 +136,13 @@ paradox); numbers that are not finite."""
 
 
 @inline
-def open_contact(touch, c):
+def open_contact(table, c):
     """Set all modes of contact c to those of an open one."""
-    touch[c, CLOSED] = NONE
-    touch[c, SLIDE] = NONE
-    touch[c, ROLL] = NONE
-    touch[c, SPIN] = NONE
-    touch[c, CREEPS] = 0.0
+    table[c, CLOSED] = NONE
+    table[c, SLIDE] = NONE
+    table[c, ROLL] = NONE
+    table[c, SPIN] = NONE
+    table[c, CREEPS] = 0.0
 
 
 @inline
@@ -150,15 +150,15 @@ def sort_contacts(system, workspace, code):
     """Which contacts may close, and which compliant ones are pressed, into `workspace.taking_part`;
     opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
     many there are."""
-    touch, velocity_tolerance, count = system.touch, velocity_tolerance_of(system), 0
-    for c in range(touch.shape[0]):
-        both, part = touch[c, BILATERAL] == 1.0, 0
-        if touch[c, COMPLIANT] == 1.0:
-            there = touch[c, LEAN_SIGN] != ABSENT
-            if there and touch[c, GAP] < 0.0 and touch[c, SPRING] > 0.0:
+    table, velocity_tolerance, count = system.contact_table, velocity_tolerance_of(system), 0
+    for c in range(table.shape[0]):
+        both, part = table[c, BILATERAL] == 1.0, 0
+        if table[c, COMPLIANT] == 1.0:
+            there = table[c, LEAN_SIGN] != ABSENT
+            if there and table[c, GAP] < 0.0 and table[c, SPRING] > 0.0:
                 part = PRESSED
         elif both or (
-            abs(touch[c, GAP_RATE]) <= velocity_tolerance
+            abs(table[c, GAP_RATE]) <= velocity_tolerance
             and touches(system, c)
             and workspace.opened[c] == 0
             and not (c == code[0] and code[1] == LIFT_OFF)
@@ -166,9 +166,9 @@ def sort_contacts(system, workspace, code):
             part = CANDIDATE
         workspace.taking_part[c] = part
         if part == 0:
-            open_contact(touch, c)
+            open_contact(table, c)
         else:
-            touch[c, CLOSED] = 1.0
+            table[c, CLOSED] = 1.0
             count += 1
     return count
 
@@ -176,28 +176,28 @@ def sort_contacts(system, workspace, code):
 @inline
 def first_guess(system, c, lifts_off):
     """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
-    touch, velocity_tolerance = system.touch, velocity_tolerance_of(system)
-    if touch[c, NORMAL_SIGN] == 0.0:
-        touch[c, NORMAL_SIGN] = 1.0
-    if touch[c, BILATERAL] == 1.0 and lifts_off:
-        touch[c, NORMAL_SIGN] = -touch[c, NORMAL_SIGN]
+    table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
+    if table[c, NORMAL_SIGN] == 0.0:
+        table[c, NORMAL_SIGN] = 1.0
+    if table[c, BILATERAL] == 1.0 and lifts_off:
+        table[c, NORMAL_SIGN] = -table[c, NORMAL_SIGN]
     speed = slip_speed(system, c)
-    slides = touch[c, STATIC] == 0.0 or speed > velocity_tolerance or touch[c, CREEPS] > 0.0
-    touch[c, SLIDE] = SLIDING if slides else STUCK
-    if speed > velocity_tolerance and touch[c, CREEPS] == 0.0:
-        keep(touch, c, SLIP_DIRECTION, scale(1.0 / speed, vec(touch, c, SLIP)))
+    slides = table[c, STATIC] == 0.0 or speed > velocity_tolerance or table[c, CREEPS] > 0.0
+    table[c, SLIDE] = SLIDING if slides else STUCK
+    if speed > velocity_tolerance and table[c, CREEPS] == 0.0:
+        keep(table, c, SLIP_DIRECTION, scale(1.0 / speed, vec(table, c, SLIP)))
     across, about = turning(system, c)
     fast, slow = norm(across), spin_tolerance_of(system)
-    touch[c, ROLL] = NONE
-    if touch[c, ROLLING_ARM] > 0.0:
-        touch[c, ROLL] = SLIDING if fast > slow else STUCK
-    touch[c, SPIN] = NONE
-    if touch[c, SPINNING_ARM] > 0.0:
-        touch[c, SPIN] = SLIDING if abs(about) > slow else STUCK
-    if touch[c, ROLL] == SLIDING:
-        keep(touch, c, ROLL_DIRECTION, scale(1.0 / fast, across))
-    if touch[c, SPIN] == SLIDING:
-        touch[c, SPIN_SIGN] = math.copysign(1.0, about)
+    table[c, ROLL] = NONE
+    if table[c, ROLLING_ARM] > 0.0:
+        table[c, ROLL] = SLIDING if fast > slow else STUCK
+    table[c, SPIN] = NONE
+    if table[c, SPINNING_ARM] > 0.0:
+        table[c, SPIN] = SLIDING if abs(about) > slow else STUCK
+    if table[c, ROLL] == SLIDING:
+        keep(table, c, ROLL_DIRECTION, scale(1.0 / fast, across))
+    if table[c, SPIN] == SLIDING:
+        table[c, SPIN_SIGN] = math.copysign(1.0, about)
 
 
 @inline
@@ -210,46 +210,46 @@ def size_of(w, workspace, i):
 @inline
 def begin_to_move(system, workspace, i, x, w, size):
     """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
-    touch, c, way = system.touch, workspace.moves[i, 0], workspace.moves[i, 1]
+    table, c, way = system.contact_table, workspace.moves[i, 0], workspace.moves[i, 1]
     first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     rate = size_of(w, workspace, i)
     begins = rate > BEGINS * size / (1.0 if way == 0 else system.length)
     if not begins and workspace.moved[c, way] == 0:
-        touch[c, SLIDE + way] = STUCK
+        table[c, SLIDE + way] = STUCK
         return
     workspace.moved[c, way] = 1
-    touch[c, SLIDE + way] = SLIDING
+    table[c, SLIDE + way] = SLIDING
     force, y, z = size_of(x, workspace, i), 0.0, 0.0
     if begins:
         y, z = w[first] / rate, w[second] / rate if second >= 0 else 0.0
     elif force > 0.0:
         y, z = -x[first] / force, -x[second] / force if second >= 0 else 0.0
     if way == 2:
-        touch[c, SPIN_SIGN] = math.copysign(1.0, y)
+        table[c, SPIN_SIGN] = math.copysign(1.0, y)
         return
-    t1, t2 = perpendicular(vec(touch, c, NORMAL))
-    keep(touch, c, SLIP_DIRECTION if way == 0 else ROLL_DIRECTION, add(scale(y, t1), scale(z, t2)))
+    t1, t2 = perpendicular(vec(table, c, NORMAL))
+    keep(table, c, SLIP_DIRECTION if way == 0 else ROLL_DIRECTION, add(scale(y, t1), scale(z, t2)))
 
 
 @inline
 def read_modes(system, workspace, n, m, x, w):
     """Modes from forces x and accelerations w of n rows."""
-    touch, size, most = system.touch, 0.0, 0.0
+    table, size, most = system.contact_table, 0.0, 0.0
     for i in range(n):
         size = max(size, abs(w[i]))
     for j in range(workspace.free_accelerations.shape[0]):
         most = max(most, abs(workspace.free_accelerations[j]))
     size += most
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         if workspace.taking_part[c] != CANDIDATE:
             continue
-        i, both = workspace.place_of[first_row_of(system, c)], touch[c, BILATERAL] == 1.0
+        i, both = workspace.place_of[first_row_of(system, c)], table[c, BILATERAL] == 1.0
         if not both and w[i] > BEGINS * size:
-            open_contact(touch, c)
-        if both and touch[c, SLIDE] != SLIDING:
-            touch[c, NORMAL_SIGN] = -1.0 if x[i] < 0.0 else 1.0
+            open_contact(table, c)
+        if both and table[c, SLIDE] != SLIDING:
+            table[c, NORMAL_SIGN] = -1.0 if x[i] < 0.0 else 1.0
     for i in range(m):
-        if touch[workspace.moves[i, 0], CLOSED] != 0.0:
+        if table[workspace.moves[i, 0], CLOSED] != 0.0:
             begin_to_move(system, workspace, i, x, w, size)
 
 
@@ -283,9 +283,11 @@ def find_forces(system, workspace, t, y):
         read_modes(system, workspace, n, m, x, w)
         if moving(workspace) == before:
             return SOLVED
-        for c in range(system.touch.shape[0]):  # the kinetic law now holds for what began to slide
+        for c in range(
+            system.contact_table.shape[0]
+        ):  # the kinetic law now holds for what began to slide
             if workspace.taking_part[c] != 0:
-                system.touch[c, CLOSED] = 1.0
+                system.contact_table[c, CLOSED] = 1.0
                 first_guess(system, c, False)
     return SOLVED
 
@@ -298,9 +300,9 @@ def choose(system, workspace, t, y, code):
     `workspace.opened`: contacts that do not close either. `workspace.parted` becomes 1 for
     what opened while it slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
     """
-    touch = system.touch
+    table = system.contact_table
     count = sort_contacts(system, workspace, code)
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         for way in range(3):
             workspace.moved[c, way] = 0
         if workspace.taking_part[c] != 0:
@@ -319,8 +321,8 @@ def choose(system, workspace, t, y, code):
     project(system, t, y)
     write_all_rows(system, t, y, workspace)
     velocity_tolerance = velocity_tolerance_of(system)
-    for c in range(touch.shape[0]):
-        lifts = workspace.taking_part[c] == CANDIDATE and touch[c, CLOSED] == 0.0
-        slips = slip_speed(system, c) > velocity_tolerance and 0.0 < touch[c, KINETIC] < math.inf
+    for c in range(table.shape[0]):
+        lifts = workspace.taking_part[c] == CANDIDATE and table[c, CLOSED] == 0.0
+        slips = slip_speed(system, c) > velocity_tolerance and 0.0 < table[c, KINETIC] < math.inf
         workspace.parted[c] = 1 if lifts and slips else 0
     return WHOLE

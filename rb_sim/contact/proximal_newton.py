@@ -36,8 +36,16 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import BOUND, CONTACT_ROWS, ENOUGH, GIVE, copy, copy_rows, rate_of
-from rb_sim.contact.gauss_seidel import ROUGH, gauss_seidel, is_plain, push_three
+from rb_sim.contact.contact_graph import (
+    BOUND,
+    COMPLIANCE,
+    CONTACT_ROWS,
+    ENOUGH,
+    copy,
+    copy_rows,
+    rate_of,
+)
+from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from rb_sim.numerics.kernels import inline
 
@@ -216,19 +224,19 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
         k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         size, mu = block_size(blocks, i), min(rules[i, BOUND], ROUGH)
         soft, slack = size / stiff, size / grip
-        v0 = rate_of(rows, k, u, b, a) - targets[k] + rules[i, GIVE] * x[k]
+        v0 = rate_of(rows, k, u, b, a) - targets[k] + rules[i, COMPLIANCE] * x[k]
         v0 += soft * (x[k] - c[k])
         largest = max(largest, abs(x[k]))
         for j in range(3):
             A[i, j] = 0.0
         for j in range(9):
             D[i, j] = 0.0
-        push_n = x[k] - v0 / size
-        if push_n <= 0.0:
+        normal = x[k] - v0 / size
+        if normal <= 0.0:
             most = max(most, max(abs(x[k]), max(abs(x[k + 1]), abs(x[k + 2]))))
             continue
-        most = max(most, abs(push_n - x[k]))
-        D[i, 0] = 1.0 / (soft + rules[i, GIVE])
+        most = max(most, abs(normal - x[k]))
+        D[i, 0] = 1.0 / (soft + rules[i, COMPLIANCE])
         A[i, 0] = c[k] * soft * D[i, 0]
         if mu == 0.0:
             continue
@@ -236,12 +244,12 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
         v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2] + slack * (x[k + 2] - c[k + 2])
         y, z = x[k + 1] - v1 / size, x[k + 2] - v2 / size
         across = math.sqrt(y * y + z * z)
-        if across <= mu * push_n:  # sticks
+        if across <= mu * normal:  # sticks
             most = max(most, max(abs(y - x[k + 1]), abs(z - x[k + 2])))
             A[i, 1], A[i, 2] = c[k + 1], c[k + 2]
             D[i, 4] = D[i, 8] = 1.0 / slack
             continue
-        p, q, bound = y / across, z / across, mu * push_n
+        p, q, bound = y / across, z / across, mu * normal
         most = max(most, max(abs(bound * p - x[k + 1]), abs(bound * q - x[k + 2])))
         A[i, 1], A[i, 2] = mu * p * A[i, 0], mu * q * A[i, 0]
         D[i, 3], D[i, 6] = mu * p * D[i, 0], mu * q * D[i, 0]
@@ -335,7 +343,7 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
     for i in range(ends.shape[0]):
         k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
         f = by_active_set(rows, targets, A, D, moved, i, b, a)
-        push_three(rows, k, u, b, a, f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2])
+        add_contact_impulse(rows, k, u, b, a, f[0] - x[k], f[1] - x[k + 1], f[2] - x[k + 2])
         x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
 
 
@@ -380,14 +388,14 @@ def put_into_cones(graph, u, x):
     """Let no contact pull, nor rub beyond its bound: what Newton's method leaves of a slip that
     turns is along the edge of the cone, and so out of it; u follows."""
     for i in range(graph.ends.shape[0]):
-        k, push_n = CONTACT_ROWS * i, max(0.0, x[CONTACT_ROWS * i])
+        k, normal = CONTACT_ROWS * i, max(0.0, x[CONTACT_ROWS * i])
         across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
-        bound = min(graph.rules[i, BOUND], ROUGH) * push_n
+        bound = min(graph.rules[i, BOUND], ROUGH) * normal
         if x[k] < 0.0 or across > bound:
             share = bound / across - 1.0 if across > bound else 0.0
-            d0, d1, d2 = push_n - x[k], share * x[k + 1], share * x[k + 2]
-            push_three(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], d0, d1, d2)
-            x[k], x[k + 1], x[k + 2] = push_n, x[k + 1] + d1, x[k + 2] + d2
+            d0, d1, d2 = normal - x[k], share * x[k + 1], share * x[k + 2]
+            add_contact_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], d0, d1, d2)
+            x[k], x[k + 1], x[k + 2] = normal, x[k + 1] + d1, x[k + 2] + d2
 
 
 @inline

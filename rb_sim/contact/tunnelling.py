@@ -40,7 +40,7 @@ from rb_sim.numerics.vectors import cross, norm, rotate, sub, unrotate
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUNDS = 48
 """Of the golden section: the depth has then no more error than rounding."""
-STILL = 0.1
+LEAST_MOVE = 0.1
 """Share of that depth by which sides that are looked at once have not moved."""
 
 
@@ -148,7 +148,7 @@ def refuse_sunk(
         turn, shift = poses(sides, times, y)
         flat = [turned(turn, point) + shift for point in sides.edges.reshape(-1, 3)]
         edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
-        seen = moved(edges, STILL * sunk * length)
+        seen = moved(edges, LEAST_MOVE * sunk * length)
         least, ends = deepest_of_edges(sides.support, edges[seen])
         if sides.own is not None:
             turn, shift = poses(sides, np.asarray(times)[seen], y[seen])

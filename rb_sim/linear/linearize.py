@@ -69,7 +69,7 @@ class HeldMotion(NamedTuple):
 class Equations(NamedTuple):
     """The equations as lists of numbers or symbols."""
 
-    push: list[Any]
+    load: list[Any]
     """generalised force f + G^T lambda, 6 N."""
     bias: list[Any]
     """acceleration residual bias + G du/dt of each row."""
@@ -128,21 +128,21 @@ def equations(system: MultiBody, t: float, y: Any, held: HeldMotion) -> Equation
     """The equations at (t, y) for the held values."""
     here = on(system, t, y)
     rows, bodies = range(len(here.row_table)), range(len(here.bodies))
-    push: list[Any] = []
+    load: list[Any] = []
     velocities: list[Any] = []
     for i in bodies:
         B = state_of(y, i)
         turn = gyroscopic(six(here.bodies, i, INERTIA), B.w_WB_B)
-        push += [*vec(here.bodies, i, LOAD), *sub(vec(here.bodies, i, LOAD + 3), turn)]
+        load += [*vec(here.bodies, i, LOAD), *sub(vec(here.bodies, i, LOAD + 3), turn)]
         velocities += [*B.v_WC, *B.w_WB_B]
     for k in rows:
         for column, body in ((0, here.row_table[k, BODY]), (6, here.row_table[k, PARENT])):
             if body >= 0:
                 for i in range(6):
                     at = 6 * body + i
-                    push[at] = push[at] + held.multipliers[k] * here.rows[k, column + i]
+                    load[at] = load[at] + held.multipliers[k] * here.rows[k, column + i]
     return Equations(
-        push,
+        load,
         [here.rows[k, BIAS] + row_times(here, k, held.acceleration) for k in rows],
         [here.rows[k, ERROR] for k in rows],
         [row_times(here, k, velocities) - here.rows[k, RATE] for k in rows],
@@ -365,7 +365,7 @@ def held_at(system: MultiBody, t: float, y: Array) -> tuple[Array, Array, HeldMo
     inertia = [symmetric(six(system.bodies, i, INERTIA)) for i in range(bodies)]
     blocks = [block for pair in zip(mass, inertia, strict=True) for block in pair]
     inverse_mass = block_diag(*(np.asarray(np.linalg.inv(block), float) for block in blocks))
-    force = np.array(free.push, float)
+    force = np.array(free.load, float)
     rank = ranked(G @ inverse_mass @ G.T)
     multipliers = rank.least(-(np.array(free.bias, float) + G @ inverse_mass @ force))
     direction = inverse_mass @ G.T @ rank.least(multipliers)
@@ -387,9 +387,9 @@ def implicit(
     For redundant rows lambda remains the minimum-norm solution; its component in the null space of
     G M^-1 G^T changes as that space rotates.
     """
-    dmultipliers = -rank.least(by["bias"] + G @ inverse_mass @ by["push"])
+    dmultipliers = -rank.least(by["bias"] + G @ inverse_mass @ by["load"])
     dmultipliers = dmultipliers + rank.null @ (rank.null.T @ by["along"])
-    return inverse_mass @ (by["push"] + G.T @ dmultipliers), dmultipliers
+    return inverse_mass @ (by["load"] + G.T @ dmultipliers), dmultipliers
 
 
 def free_deviations(

@@ -224,12 +224,12 @@ def reduced_block(block: Any, W: Any, C: Any, s: int, r: int, n: int) -> list[An
 # Kernels on blocks of rows; each depends on the sizes only.
 
 
-def pushed(n: int) -> Any:
-    """Kernel of push + M^-1 G^T lambda, for n rows."""
+def with_multipliers(n: int) -> Any:
+    """Kernel of response + M^-1 G^T lambda, for n rows."""
 
-    def kernel(t: Any, push: Any, responses: Any, found: Any) -> list[Any]:
+    def kernel(t: Any, response: Any, responses: Any, found: Any) -> list[Any]:
         return [
-            [push[j] + sum(responses[6 * k + j] * found[k] for k in range(n)) for j in range(6)]
+            [response[j] + sum(responses[6 * k + j] * found[k] for k in range(n)) for j in range(6)]
         ]
 
     return kernel

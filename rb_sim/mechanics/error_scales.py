@@ -172,9 +172,9 @@ def turns_of(
         with np.errstate(all="ignore"):  # steps that are much too long may overflow
             halves, seen, parted = in_halves(rate, now, h, view)
             away, pace = sizes(seen - first, places), sizes(seen, velocities)
-            doubt, doubted_pace = sizes(parted, places), sizes(parted, velocities)
-        trusted = doubt <= TRUSTED * np.maximum(np.maximum(ways, away), least)
-        trusted &= doubted_pace <= TRUSTED * np.maximum(np.maximum(speeds, pace), least / h)
+            uncertainty, uncertain_pace = sizes(parted, places), sizes(parted, velocities)
+        trusted = uncertainty <= TRUSTED * np.maximum(np.maximum(ways, away), least)
+        trusted &= uncertain_pace <= TRUSTED * np.maximum(np.maximum(speeds, pace), least / h)
         if not trusted.all():
             h *= SHORTER
             continue

@@ -58,8 +58,8 @@ from rb_sim.mechanics.systems.elimination import (
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, MultiBody, arms
 from rb_sim.mechanics.systems.multibody import (
     add_multipliers,
-    clear_push,
-    move_by_push,
+    clear_response,
+    move_by_response,
     row_velocity,
     write_rows,
 )
@@ -135,8 +135,8 @@ class Manifold:
 
     def project(self, t: float, y: list[float]) -> None:
         """Normalise quaternions and project y onto the manifold, in place; NaN if that fails."""
-        clear_push(self.system)
-        move_by_push(self.system, y)
+        clear_response(self.system)
+        move_by_response(self.system, y)
         if not self.n:
             return
         length = self.system.length
@@ -144,16 +144,16 @@ class Manifold:
             y[0] = math.nan
         write_rows(self.system, t, y)
         rows = self.system.rows
-        self.push({k: rows[k, RATE] - row_velocity(self.system, y, k) for k in self.laws.order})
+        self.response({k: rows[k, RATE] - row_velocity(self.system, y, k) for k in self.laws.order})
         hasten(self.system, y)
 
-    def push(self, right: dict[int, float]) -> None:
-        """push = M^-1 G^T lambda, with lambda for these right sides by row."""
+    def response(self, right: dict[int, float]) -> None:
+        """response = M^-1 G^T lambda, with lambda for these right sides by row."""
         system = self.system
         found = factored(system, list(right)).solve(right)
         for k in range(self.n):
             system.vectors[MULTIPLIERS, k] = found.get(k, 0.0)
-        clear_push(system)
+        clear_response(system)
         add_multipliers(system)
 
 
@@ -169,8 +169,8 @@ def error_on_numbers(way: Manifold, t: float, y: list[float]) -> tuple[float, li
 @correct_positions.register(Manifold)
 def correct_on_numbers(way: Manifold, t: float, y: list[float], held: list[int]) -> None:
     """Displace the bodies by the correction of these rows' errors."""
-    way.push({k: -way.system.rows[k, ERROR] for k in held})
-    move_by_push(way.system, y)
+    way.response({k: -way.system.rows[k, ERROR] for k in held})
+    move_by_response(way.system, y)
 
 
 def start_on_manifold(

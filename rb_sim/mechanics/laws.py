@@ -192,7 +192,7 @@ def rates_of_angles(system, z):
     rolled = system.body.mass * a * a
     force, _ = total_wrench(system.effects, 0.0, system.body, AT_REST)
     fall = a * dot(force, system.normal) / (side + rolled)
-    keep, push = side / (side + rolled), (moment + rolled) / (side + rolled)
+    keep, response = side / (side + rolled), (moment + rolled) / (side + rolled)
     swing, gain = moment / side, rolled / (moment + rolled)
     turn = w2 / s
     own = c * turn
@@ -202,7 +202,7 @@ def rates_of_angles(system, z):
         w1,
         turn,
         w3 - own,
-        w2 * (keep * own - push * w3) + fall * c,
+        w2 * (keep * own - response * w3) + fall * c,
         w1 * (swing * w3 - own),
         gain * (w1 * w2),
         own - w3 + turn * across,

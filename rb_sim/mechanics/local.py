@@ -29,7 +29,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     INERTIA,
     LOAD,
     MASS,
-    PUSH,
+    RESPONSE,
     WIDTH,
     apply_one,
     arms,
@@ -42,7 +42,7 @@ from rb_sim.mechanics.systems.multibody import (
     coupling,
     free_accelerations,
     inverse_mass_times,
-    move_by_push,
+    move_by_response,
     put_momenta,
     put_rates,
 )
@@ -77,7 +77,7 @@ def freely(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
     system = alone(body)
     system.bodies[0, LOAD : LOAD + 6] = load
     free_accelerations(system, y)
-    return [system.bodies[0, PUSH : PUSH + 6].tolist()]
+    return [system.bodies[0, RESPONSE : RESPONSE + 6].tolist()]
 
 
 def of_hub(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
@@ -101,26 +101,26 @@ def minus_mass(body: Any) -> list[Any]:
     return [-x if x is not o else o for row in rows for x in row]
 
 
-def slopes(t: Any, y: Any, push: Any) -> list[Any]:
+def slopes(t: Any, y: Any, response: Any) -> list[Any]:
     """dy/dt of a body."""
     system = alone(())
-    system.bodies[0, PUSH : PUSH + 6] = push
+    system.bodies[0, RESPONSE : RESPONSE + 6] = response
     dy: list[Any] = [0.0] * WIDTH
     put_rates(system, y, dy)
     return [dy]
 
 
-def moved(t: Any, y: Any, push: Any) -> list[Any]:
-    """Coordinates of a body displaced by push."""
+def moved(t: Any, y: Any, response: Any) -> list[Any]:
+    """Coordinates of a body displaced by response."""
     system, at = alone(()), list(y)
-    system.bodies[0, PUSH : PUSH + 6] = push
-    move_by_push(system, at)
+    system.bodies[0, RESPONSE : RESPONSE + 6] = response
+    move_by_response(system, at)
     return [at]
 
 
-def hastened(t: Any, y: Any, push: Any) -> list[Any]:
-    """Coordinates of a body whose velocities change by push."""
-    return [[*y[:7], *(u + d for u, d in zip(y[7:], push, strict=True))]]
+def hastened(t: Any, y: Any, response: Any) -> list[Any]:
+    """Coordinates of a body whose velocities change by response."""
+    return [[*y[:7], *(u + d for u, d in zip(y[7:], response, strict=True))]]
 
 
 def unit(t: Any, y: Any) -> list[Any]:

@@ -55,14 +55,14 @@ from rb_sim.mechanics.systems.many_bodies import (
 from rb_sim.mechanics.systems.multibody import (
     add_multipliers,
     clear_loads,
-    clear_push,
+    clear_response,
     free_accelerations,
-    move_by_push,
+    move_by_response,
     power_of_reactions,
     put_balances,
     put_rates,
     put_reactions,
-    row_times_push,
+    row_times_response,
     row_velocity,
     worst_gap,
     write_rows,
@@ -310,7 +310,7 @@ class MultiBodyLaws(SolvedRows):
         return None
 
     def accelerations(self, system: MultiBody, t: Any, y: list[Any]) -> Any:
-        """Fill the multipliers and push = accelerations; returns the rank of G."""
+        """Fill the multipliers and response = accelerations; returns the rank of G."""
         clear_loads(system)
         apply_effects(system.effects, t, system, y)
         free_accelerations(system, y)
@@ -318,7 +318,7 @@ class MultiBodyLaws(SolvedRows):
             return 0.0
         write_rows(system, t, y)
         rows = system.rows
-        right = {k: -(rows[k, BIAS] + row_times_push(system, k)) for k in self.order}
+        right = {k: -(rows[k, BIAS] + row_times_response(system, k)) for k in self.order}
         rank = self.multipliers(system, right, self.order)
         add_multipliers(system)
         return rank
@@ -350,8 +350,8 @@ class MultiBodyLaws(SolvedRows):
         """y with unit quaternions and free spins on their polhodes."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
-            clear_push(system)
-            move_by_push(system, y)
+            clear_response(system)
+            move_by_response(system, y)
             settle_spins(system, y)
             return y
 
@@ -379,9 +379,9 @@ class MultiBodyLaws(SolvedRows):
             write_rows(system, t, y)
             errors = {k: -system.rows[k, ERROR] for k in self.position_order}
             self.multipliers(system, errors, self.position_order, self.system.length)
-            clear_push(system)
+            clear_response(system)
             add_multipliers(system)
-            move_by_push(system, y)
+            move_by_response(system, y)
             return y
 
         return self.traced(kernel)
@@ -397,7 +397,7 @@ class MultiBodyLaws(SolvedRows):
         write_rows(system, t, y)
         slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
         self.multipliers(system, slips, self.order, self.system.speed)
-        clear_push(system)
+        clear_response(system)
         add_multipliers(system)
         hasten(system, y)
         return y
@@ -413,31 +413,32 @@ class MultiBodyLaws(SolvedRows):
             return None
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
-            clear_push(system)
-            move_by_push(system, y)
+            clear_response(system)
+            move_by_response(system, y)
             settle_spins(system, y)
             write_rows(system, t, y)
             worst = worst_gap(system, self.holonomic)
             factors = factors_of(system, self.order, self.plan)
             errors = {k: -system.rows[k, ERROR] for k in self.order}
-            self._push(system, factors, errors, self.system.length)
-            move_by_push(system, y)
+            self._respond(system, factors, errors, self.system.length)
+            move_by_response(system, y)
             before = system.rows.copy()
             write_rows(system, t, y)
             slips = {k: system.rows[k, RATE] - row_velocity(system, y, k) for k in self.order}
             system.rows[:] = before
-            self._push(system, factors, slips, self.system.speed)
+            self._respond(system, factors, slips, self.system.speed)
             hasten(system, y)
             return [*y, worst]
 
         return self.traced(kernel)
 
-    def _push(
+    def _respond(
         self, system: MultiBody, factors: Factors, right: dict[int, Any], scale: float
     ) -> None:
-        """push = M^-1 G^T lambda, with lambda for these right sides. scale: as in `rounding`."""
+        """response = M^-1 G^T lambda, with lambda for these right sides. scale: as in
+        `rounding`."""
         self._put(system, factors.solve(self._chosen(system, right), self.rounding(scale)))
-        clear_push(system)
+        clear_response(system)
         add_multipliers(system)
 
     @cached_property

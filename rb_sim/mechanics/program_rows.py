@@ -171,7 +171,7 @@ class ConstraintRows:
         self.program, self.plan, self.bodies = program, plan, bodies
         self.constraints, self.barred = constraints, barred
         self.blocks = Elimination(plan, program)
-        self.push = program.workspace(6 * len(bodies))
+        self.response = program.workspace(6 * len(bodies))
         self.load = -1
         """place of the loads on the bodies; -1 without loads."""
         self.gradient: dict[tuple[int, int], int] = {}
@@ -222,7 +222,7 @@ class ConstraintRows:
             inputs: list[Place] = self._states(node, base, first)
             if kind in ("accelerated", "sampled"):
                 own = [b for b in self._on(node) if b not in self.plan.hubs]
-                inputs += [("frame", self.push + 6 * b, 6) for b in own]
+                inputs += [("frame", self.response + 6 * b, 6) for b in own]
             outputs = self._outputs(k, node)
             if kind == "sampled":
                 self.rates[k] = self.program.workspace(node.size)
@@ -349,22 +349,24 @@ class ConstraintRows:
         self.blocks.backward()
 
     def add_multipliers(self) -> None:
-        """push += M^-1 G^T lambda; push of a hub is its found acceleration."""
+        """response += M^-1 G^T lambda; response of a hub is its found acceleration."""
         sizes: dict[int, list[tuple[int, int]]] = {}
         for k, b in self.responses:
             sizes.setdefault(self.blocks.sizes[k], []).append((k, b))
         for n, entries in sizes.items():
-            places = [self.push + 6 * b for _, b in entries]
+            places = [self.response + 6 * b for _, b in entries]
             fields = [
                 Field("frame", 6, places),
                 Field("frame", 6 * n, [self.responses[entry] for entry in entries]),
                 Field("frame", n, [self.blocks.found[k] for k, _ in entries]),
             ]
-            self.program.run(("pushed", n), blocks.pushed(n), fields, [("frame", places)])
+            self.program.run(
+                ("with multipliers", n), blocks.with_multipliers(n), fields, [("frame", places)]
+            )
         hubs = [(k, node.body) for k, node in enumerate(self.plan.nodes) if not node.parts]
         if hubs:
             found = [Field("frame", 6, [self.blocks.found[k] for k, _ in hubs])]
-            to = [("frame", [self.push + 6 * b for _, b in hubs])]
+            to = [("frame", [self.response + 6 * b for _, b in hubs])]
             self.program.run(("same", 6), lambda t, x: [x], found, to)
 
     def of_part(self, part: int) -> list[Place]:

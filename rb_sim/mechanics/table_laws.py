@@ -48,7 +48,9 @@ class TableLaws(MultiBodyLaws):
     @cached_property
     def _bodies(self) -> list[tuple[float, ...]]:
         """(mass, inertia, inverse inertia) of each body."""
-        return [tuple(row) for row in self.system.bodies[: self.n // WIDTH, : local.PUSH].tolist()]
+        return [
+            tuple(row) for row in self.system.bodies[: self.n // WIDTH, : local.RESPONSE].tolist()
+        ]
 
     def _new(
         self, parts: Sequence[int], left_out: frozenset[int]
@@ -108,7 +110,7 @@ class TableLaws(MultiBodyLaws):
         program.run((kernel.__name__,), kernel, taken, given)
 
     def _free_accelerations(self, program: Program, rows: ConstraintRows) -> None:
-        """Compute loads, and the accelerations under them alone, in rows.push."""
+        """Compute loads, and the accelerations under them alone, in rows.response."""
         bodies = range(len(self._bodies))
         load = program.workspace(6 * len(bodies))
         clear(program, 6, [load + 6 * i for i in bodies])
@@ -129,7 +131,7 @@ class TableLaws(MultiBodyLaws):
                 Instance(
                     self._bodies[i],
                     (("y", WIDTH * i, WIDTH), ("frame", load + 6 * i, 6)),
-                    (("frame", rows.push + 6 * i),),
+                    (("frame", rows.response + 6 * i),),
                 )
                 for i in bodies
             ],
@@ -158,7 +160,7 @@ class TableLaws(MultiBodyLaws):
             program,
             local.slopes,
             ("y", 0, WIDTH, WIDTH),
-            ("frame", rows.push, 6, 6),
+            ("frame", rows.response, 6, 6),
             ("out", 0, WIDTH, WIDTH),
         )
         return program.compiled()
@@ -239,8 +241,8 @@ class TableLaws(MultiBodyLaws):
         return program.compiled()
 
     def _from_rest(self, program: Program, rows: ConstraintRows) -> None:
-        """push = M^-1 G^T lambda."""
-        clear(program, 6, [rows.push + 6 * i for i in range(len(self._bodies))])
+        """response = M^-1 G^T lambda."""
+        clear(program, 6, [rows.response + 6 * i for i in range(len(self._bodies))])
         rows.add_multipliers()
 
     def _moved(
@@ -253,9 +255,9 @@ class TableLaws(MultiBodyLaws):
         to: str,
         then: int = 0,
     ) -> None:
-        """Run the kernel on y (base, first) and push; the result is at (to, then)."""
-        push = ("frame", rows.push, 6, 6)
-        fields = ((base, first, WIDTH, WIDTH), push, (to, then, WIDTH, WIDTH))
+        """Run the kernel on y (base, first) and response; the result is at (to, then)."""
+        response = ("frame", rows.response, 6, 6)
+        fields = ((base, first, WIDTH, WIDTH), response, (to, then, WIDTH, WIDTH))
         self._each_body(program, kernel, *fields)
 
     @cached_property

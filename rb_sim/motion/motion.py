@@ -340,16 +340,18 @@ class Forecast:
         left = (self._duration - t) / pace if pace > 0.0 else math.inf
         self._looked, self._reached = now, t
         if over:
-            self.given_up = f"ended after {waited:.3g} s of wall-clock time: {self._said(t, left)}"
+            self.given_up = (
+                f"ended after {waited:.3g} s of wall-clock time: {self._progress(t, left)}"
+            )
             return False
         if left > LONG and self._tell is not None and len(self._paces) > 1:
-            self._tell(self._said(t, left))
+            self._tell(self._progress(t, left))
             self._tell = None
         if left > self._most and spent >= PATIENCE * self._effort:
-            self.given_up = f"given up after {spent:.0f} s: {self._said(t, left)}"
+            self.given_up = f"given up after {spent:.0f} s: {self._progress(t, left)}"
         return not self.given_up
 
-    def _said(self, t: float, left: float) -> str:
+    def _progress(self, t: float, left: float) -> str:
         return (
             f"the run is at t = {t:.3g} s of {self._duration:.6g} s and would take "
             f"{in_words(left)} more at this pace; {self._advice}"

@@ -26,18 +26,18 @@ from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 #
 # A problem is w = A x + b with a rule for each row and each friction bound:
 #
-#     HOLDS   w = 0
-#     PUSHES  x >= least, w >= 0, one of them zero
-#     RUBS    tangential row of a bound: |x_t| <= bound x_n, and x_t = -bound x_n w_t / |w_t| unless
-#             w_t = 0
+#     EQUALITY    w = 0
+#     UNILATERAL  x >= least, w >= 0, one of them zero
+#     FRICTION    tangential row of a bound: |x_t| <= bound x_n, and
+#                 x_t = -bound x_n w_t / |w_t| unless w_t = 0
 #
 # Rows in no bound are equalities; an infinite bound holds its rows while the normal row carries a
 # force. Dependent rows are allowed. Matrices are vectors of their rows, one after another.
 
 
-HOLDS, PUSHES, RUBS = 0, 1, 2
+EQUALITY, UNILATERAL, FRICTION = 0, 1, 2
 """Rules of rows: equality, unilateral normal force, tangential friction force."""
-FIRST, SECOND, PUSH, BOUND_WIDTH = 0, 1, 2, 3
+FIRST, SECOND, NORMAL, BOUND_WIDTH = 0, 1, 2, 3
 """Columns of `bounds`: the rows of a bound (the second is -1 if there is one only), and its normal
 row."""
 NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
@@ -56,7 +56,7 @@ class Equations(NamedTuple):
     rules: Any
     """rule of each row, (n,)."""
     least: Any
-    """least x of each row with the rule PUSHES, (n,)."""
+    """least x of each row with the rule UNILATERAL, (n,)."""
     bounds: Any
     """rows and normal row of each bound, (m, 3)."""
     limits: Any
@@ -72,7 +72,7 @@ def workspace_of(n: int) -> int:
 
 
 @inline
-def line_times(p, k, x):
+def row_times(p, k, x):
     """w of row k at x."""
     s = p.b[k]
     for j in range(p.n):
@@ -92,15 +92,15 @@ def size_of(n, a):
 @inline
 def limit(p, i, x):
     """Value of the i-th friction bound at x."""
-    n = p.bounds[BOUND_WIDTH * i + PUSH]
-    push = abs(x[n]) if p.rules[n] == HOLDS else max(0.0, x[n])
+    n = p.bounds[BOUND_WIDTH * i + NORMAL]
+    normal_force = abs(x[n]) if p.rules[n] == EQUALITY else max(0.0, x[n])
     if p.limits[i] == math.inf:
-        return math.inf if push > 0.0 or p.rules[n] == HOLDS else 0.0
-    return p.limits[i] * push
+        return math.inf if normal_force > 0.0 or p.rules[n] == EQUALITY else 0.0
+    return p.limits[i] * normal_force
 
 
 @inline
-def lines_of(p, i):
+def tangential_rows(p, i):
     """(first row, second row or -1, smaller one of their steps) of the i-th bound."""
     k, m = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + SECOND]
     return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
@@ -111,30 +111,30 @@ def equations(p, x, w, F, J):
     """Write residual F and generalised Jacobian J at x, and w = A x + b; returns |F|."""
     n = p.n
     for k in range(n):
-        w[k] = line_times(p, k, x)
+        w[k] = row_times(p, k, x)
         step = p.step[k]
         for j in range(n):
             J[k * n + j] = step * p.A[k * n + j]
         F[k] = step * w[k]
-        if p.rules[k] == PUSHES and not x[k] - p.least[k] - step * w[k] > 0.0:
+        if p.rules[k] == UNILATERAL and not x[k] - p.least[k] - step * w[k] > 0.0:
             for j in range(n):
                 J[k * n + j] = 0.0
             F[k], J[k * n + k] = x[k] - p.least[k], 1.0
     for i in range(p.m):
-        rub(p, i, x, w, F, J)
+        write_friction(p, i, x, w, F, J)
     return size_of(n, F)
 
 
 @inline
-def rub(p, i, x, w, F, J):
+def write_friction(p, i, x, w, F, J):
     """Write the equations of the i-th friction bound into F and J."""
-    n, push = p.n, p.bounds[BOUND_WIDTH * i + PUSH]
-    k, m, step = lines_of(p, i)
+    n, normal = p.n, p.bounds[BOUND_WIDTH * i + NORMAL]
+    k, m, step = tangential_rows(p, i)
     y, z = x[k] - step * w[k], x[m] - step * w[m] if m >= 0 else 0.0
     size, most = (y * y + z * z) ** 0.5, limit(p, i, x)
     if p.limits[i] == math.inf:
-        ahead = x[push] - p.least[push] - p.step[push] * w[push]
-        holds = p.rules[push] == HOLDS or p.least[push] > 0.0 or ahead > 0.0
+        ahead = x[normal] - p.least[normal] - p.step[normal] * w[normal]
+        holds = p.rules[normal] == EQUALITY or p.least[normal] > 0.0 or ahead > 0.0
         most = math.inf if holds else 0.0
     sticks = size <= most
     ratio, y, z = (0.0, 0.0, 0.0) if sticks else (most / size, y / size, z / size)
@@ -155,10 +155,10 @@ def rub(p, i, x, w, F, J):
         if m >= 0:
             J[m * n + j] = turned_z
     if not sticks and most > 0.0:
-        slope = math.copysign(p.limits[i], x[push])
-        J[k * n + push] -= slope * y
+        slope = math.copysign(p.limits[i], x[normal])
+        J[k * n + normal] -= slope * y
         if m >= 0:
-            J[m * n + push] -= slope * z
+            J[m * n + normal] -= slope * z
 
 
 @inline
@@ -215,14 +215,14 @@ def sweep(p, x):
         x[k] = 0.0
     for _ in range(SWEEPS):
         for k in range(p.n):
-            if p.rules[k] != RUBS:
-                x[k] -= p.step[k] * line_times(p, k, x)
-                if p.rules[k] == PUSHES:
+            if p.rules[k] != FRICTION:
+                x[k] -= p.step[k] * row_times(p, k, x)
+                if p.rules[k] == UNILATERAL:
                     x[k] = max(x[k], p.least[k])
         for i in range(p.m):
-            k, m, step = lines_of(p, i)
-            y = x[k] - step * line_times(p, k, x)
-            z = x[m] - step * line_times(p, m, x) if m >= 0 else 0.0
+            k, m, step = tangential_rows(p, i)
+            y = x[k] - step * row_times(p, k, x)
+            z = x[m] - step * row_times(p, m, x) if m >= 0 else 0.0
             size, most = (y * y + z * z) ** 0.5, limit(p, i, x)
             ratio = 1.0 if size <= most else most / size
             x[k] = ratio * y
@@ -366,8 +366,8 @@ def even_out(p, terms, A, b, even_terms, limits, least, sizes):
         b[k], even_terms[k] = sizes[k] * p.b[k], sizes[k] * terms[k]
         least[k] = p.least[k] / sizes[k]
     for i in range(p.m):
-        k, push = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + PUSH]
-        limits[i] = p.limits[i] * (sizes[push] / sizes[k])
+        k, normal = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + NORMAL]
+        limits[i] = p.limits[i] * (sizes[normal] / sizes[k])
 
 
 @inline

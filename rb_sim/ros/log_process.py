@@ -14,7 +14,7 @@ not accept at once are queued here; if more than `depth` samples are queued, a s
 the wall clock drops and counts the newest, any other waits.
 
 The protocol consists of frames, a length and a pickle: Begin, then Rows and Blocks of samples and
-States, then End, to the process; Opened, Said, Count and Finished back.
+States, then End, to the process; Opened, Notice, Count and Finished back.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class Opened(NamedTuple):
     error: str
 
 
-class Said(NamedTuple):
+class Notice(NamedTuple):
     """A line for the user."""
 
     line: str
@@ -385,7 +385,7 @@ class LogProcess:
         except BlockingIOError:
             pass
         while (message := take_frame(self._answers)) is not None:
-            if isinstance(message, Said):
+            if isinstance(message, Notice):
                 self._say(message.line)
             elif isinstance(message, Count):
                 self._count = message

@@ -36,10 +36,10 @@ from rb_sim.ros.log_process import (
     Count,
     End,
     Finished,
+    Notice,
     Opened,
     Plan,
     Rows,
-    Said,
     State,
     frame,
     take_frame,
@@ -226,13 +226,13 @@ class Writer:
             self._answer(now)
 
     def _say(self, line: str) -> None:
-        self._answer(Said(line))
+        self._answer(Notice(line))
 
     def _answer(self, message: Any) -> None:
         try:
             os.write(self._answers, frame(message))  # short enough to be written at once
         except OSError:  # the node has ended; the logs are finished anyway
-            if isinstance(message, Said):  # e.g. about plots that the node did not wait for
+            if isinstance(message, Notice):  # e.g. about plots that the node did not wait for
                 print(message.line, file=sys.stderr, flush=True)
 
 

@@ -35,6 +35,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_ROWS,
     CHANGING,
     CLOSED,
+    CONTACT_TABLE_WIDTH,
     DEPENDENT,
     GAP,
     LEAN_BEFORE,
@@ -45,8 +46,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     RIM,
     ROW_TABLE_WIDTH,
     SLIP,
-    STILL,
-    TOUCH_WIDTH,
+    SPEED_TOLERANCE,
     ContactBodies,
     write_parameters,
 )
@@ -120,14 +120,14 @@ def rims_of_points(contacts: list[Placed]) -> list[float]:
     return found
 
 
-def touch_table(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
+def contact_table_columns(laws: list[ContactLaw], contacts: list[Placed]) -> np.ndarray:
     """The table of contacts at the start: all are open."""
-    touch = np.zeros((len(laws), TOUCH_WIDTH))
-    touch[:, RIM] = rims_of_points(contacts)
+    table = np.zeros((len(laws), CONTACT_TABLE_WIDTH))
+    table[:, RIM] = rims_of_points(contacts)
     for c, law in enumerate(laws):
-        write_parameters(touch[c], law)
-        touch[c, [NORMAL_SIGN, LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
-    return touch
+        write_parameters(table[c], law)
+        table[c, [NORMAL_SIGN, LEAN_SIGN, LEAN_BEFORE + 6]] = 1.0
+    return table
 
 
 # Check of the initial state against the contact laws: overlaps are moved apart if the scene asks
@@ -149,7 +149,7 @@ def check_contacts(
     try:
         with np.errstate(all="ignore"):
             write_rows(system, t, y)
-        require_nearest_points(system.touch)
+        require_nearest_points(system.contact_table)
     except ZeroDivisionError:
         refuse_middle(scene, system, y, names, t)
         raise
@@ -163,24 +163,24 @@ def check_contacts(
             )
         return
     for c, name in enumerate(names):
-        gap = system.touch[c, GAP] / system.length
+        gap = system.contact_table[c, GAP] / system.length
         if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
-            amount = abs(float(system.touch[c, GAP]))
+            amount = abs(float(system.contact_table[c, GAP]))
             string = scene.constraints[name.split("/")[0]].type == "string"
             what = "stretch" if string else "overlap" if gap < 0.0 else "gap"
             problem = f"{what} of {amount:.2g} m at the start"
             refuse_initial(scene, name, problem)
-        slip = float(np.linalg.norm(system.touch[c, SLIP : SLIP + 3])) / system.speed
+        slip = float(np.linalg.norm(system.contact_table[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
             amount = f"{slip * system.speed:.2g} m/s"
             problem = f"the contact point of this rough contact slips at {amount} at the start"
             refuse_initial(scene, name, problem)
 
 
-def require_nearest_points(touch: np.ndarray) -> None:
+def require_nearest_points(table: np.ndarray) -> None:
     """Raise ZeroDivisionError if the geometry of a contact is not finite: compiled code gives that
     where Python divides by zero."""
-    if not np.isfinite(touch[:, GAP : POINT + 3]).all():
+    if not np.isfinite(table[:, GAP : POINT + 3]).all():
         raise ZeroDivisionError
 
 
@@ -193,7 +193,7 @@ def refuse_middle(
         try:
             with np.errstate(all="ignore"):
                 write_contact(placed, t, system, y, c)
-            require_nearest_points(system.touch[c : c + 1])
+            require_nearest_points(system.contact_table[c : c + 1])
         except ZeroDivisionError:
             name = names[c].split("/")[0]
             body = scene.constraints[name].body
@@ -222,9 +222,9 @@ def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: 
         if c in held:
             return bool(gaps[c] >= -MISFIT * system.length)
         held.append(c)
-        system.touch[held, CLOSED] = 1.0
+        system.contact_table[held, CLOSED] = 1.0
         python_of(bring_positions)(system, t, y)
-        system.touch[held, CLOSED] = 0.0
+        system.contact_table[held, CLOSED] = 0.0
         write_rows(system, t, y)
     if held:  # project velocities onto the joints in the new positions
         python_of(bring_to_manifold)(system, t, y)
@@ -235,8 +235,8 @@ def move_apart(system: ContactBodies, y: np.ndarray, laws: list[ContactLaw], t: 
 def overlaps(system: ContactBodies, laws: list[ContactLaw]) -> np.ndarray:
     """Gap of each rigid contact that exists [m], 0 for all others, (contacts,)."""
     compliant = np.array([law.compliant for law in laws], dtype=bool)
-    counts = ~compliant & (system.touch[:, LEAN_SIGN] != ABSENT)
-    return np.where(counts, system.touch[:, GAP], 0.0)
+    counts = ~compliant & (system.contact_table[:, LEAN_SIGN] != ABSENT)
+    return np.where(counts, system.contact_table[:, GAP], 0.0)
 
 
 def compile_contacts(
@@ -369,10 +369,10 @@ def system_of(
         effects=tuple(placed),
         constraints=tuple(joints),
         contacts=groups_of(contacts),
-        touch=touch_table(parts.laws, contacts),
+        contact_table=contact_table_columns(parts.laws, contacts),
         force_rows=np.zeros((n, 12)),
         mass=float(sum(body.mass for body in bodies)),
-        velocity_tolerance=STILL * speed,
+        velocity_tolerance=SPEED_TOLERANCE * speed,
         creep=0.0,
     )
 
@@ -388,7 +388,7 @@ def without_contacts(system: ContactBodies, joints: int) -> ContactBodies:
         vectors=np.zeros((3, n)),
         first_row=system.first_row[: joints + 1].copy(),
         anchors=system.anchors[:joints].copy(),
-        touch=system.touch[:0].copy(),
+        contact_table=system.contact_table[:0].copy(),
         force_rows=system.force_rows[:n].copy(),
     )
 

@@ -136,10 +136,10 @@ def elements_at(
 def sliding(element: Element, force: Array) -> Element:
     """The element of a slipping contact: one unknown, along the contact force of the sample."""
     normal = element.force_W[:, :1] if element.normal_W is None else None
-    push = None if normal is None else float(force @ normal[:, 0])
-    if not push:
+    normal_force = None if normal is None else float(force @ normal[:, 0])
+    if not normal_force:
         return replace(element, given_W=force, force_W=np.zeros((3, 0)),
                        torque_W=np.zeros((3, 0)), bounds=(), law="two-way",
                        normal_W=element.direction)  # fmt: skip
-    line = np.array(force)[:, None] / push
+    line = np.array(force)[:, None] / normal_force
     return replace(element, force_W=line, torque_W=np.zeros((3, 1)), bounds=())

@@ -66,11 +66,11 @@ def compiled(scene: Scene, say: Say) -> Simulation:
 
     say: gets a line if something is compiled, or cannot be stored.
     """
-    said: list[str] = []
+    lines: list[str] = []
 
     def say_once(line: str) -> None:
-        if line not in said:
-            said.append(line)
+        if line not in lines:
+            lines.append(line)
             say(line)
 
     def announce() -> None:

@@ -43,7 +43,7 @@ Law = Literal["two-way", "one-way"]
 
 
 class Bound(NamedTuple):
-    """x[tails]| <= coefficient N, with N the normal force x[0], or `push` if that is given."""
+    """x[tails]| <= coefficient N, with N = x[0], or `normal_force` if that is given."""
 
     motion: Literal["slips", "rolls", "spins"]
     """motion if the bound is exceeded."""
@@ -51,7 +51,7 @@ class Bound(NamedTuple):
     """of friction, or the arm of a rolling or spinning resistance [m]."""
     tails: tuple[int, ...]
     """one or two unknowns of the element."""
-    push: float | None = None
+    normal_force: float | None = None
     """normal force [N] of a compliant support, given by its penetration depth."""
 
 
@@ -294,8 +294,8 @@ def cones_of(system: Equilibrium, force: float) -> list[Cone]:
             tails = [column.start + k for k in bound.tails]
             unit = system.lever if system.is_torque[tails[0]] else 1.0
             coefficient, head, constant = bound.coefficient / unit, column.start, 0.0
-            if bound.push is not None:
-                head, constant = None, coefficient * bound.push / force
+            if bound.normal_force is not None:
+                head, constant = None, coefficient * bound.normal_force / force
             found.append(Cone(element, bound, coefficient, constant, head, tails))
     return found
 
@@ -359,9 +359,9 @@ class AdmissibleSet:
         plain = x[self.one_way]
         round_ = []
         for cone in self.cones:
-            push = 0.0 if cone.head is None else cone.coefficient * x[cone.head]
+            normal_force = 0.0 if cone.head is None else cone.coefficient * x[cone.head]
             across = float(np.linalg.norm(x[cone.tails]))
-            round_.append((cone.constant + push - across) / _share(cone))
+            round_.append((cone.constant + normal_force - across) / _share(cone))
         return np.concatenate([plain, np.array(round_)])
 
     def at(self, y: Array) -> Array:

@@ -134,7 +134,7 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
     """The element of one closed contact point."""
     spec, normal = standing.spec, point.normal
     depth = max(-point.gap, 0.0)
-    push = law.spring[0] * depth if law.compliant else None
+    normal_force = law.spring[0] * depth if law.compliant else None
     has_friction = law.static > 0.0
     forces = [] if law.compliant else [normal]
     forces += [*tangents(normal)] if has_friction else []
@@ -155,25 +155,25 @@ def element_of(name: str, standing: Standing, law: ContactLaw, point: Point) -> 
         torque_W=both[:, :, 1].T,
         law="two-way" if law.bilateral or law.compliant else "one-way",
         friction=law.static,
-        bounds=bounds_of(law, push),
-        given_W=np.zeros(3) if push is None else push * normal,
-        normal_W=None if push is None else normal,
+        bounds=bounds_of(law, normal_force),
+        given_W=np.zeros(3) if normal_force is None else normal_force * normal,
+        normal_W=None if normal_force is None else normal,
     )
 
 
-def bounds_of(law: ContactLaw, push: float | None) -> tuple[Bound, ...]:
+def bounds_of(law: ContactLaw, normal_force: float | None) -> tuple[Bound, ...]:
     """Bounds by the normal force. Unknowns: N (if unknown), two tangential forces, torques."""
     found: list[Bound] = []
     k = 0 if law.compliant else 1
     if law.static > 0.0:
         if law.static < math.inf:
-            found.append(Bound("slips", law.static, (k, k + 1), push))
+            found.append(Bound("slips", law.static, (k, k + 1), normal_force))
         k += 2
     if law.rolling_arm > 0.0:
-        found.append(Bound("rolls", law.rolling_arm, (k, k + 1), push))
+        found.append(Bound("rolls", law.rolling_arm, (k, k + 1), normal_force))
         k += 2
     if law.spinning_arm > 0.0:
-        found.append(Bound("spins", law.spinning_arm, (k,), push))
+        found.append(Bound("spins", law.spinning_arm, (k,), normal_force))
     return tuple(found)
 
 

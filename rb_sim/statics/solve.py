@@ -54,23 +54,23 @@ def uncarried_loads(system: Equilibrium, reduced: Reduced) -> tuple[Finding, ...
     lever = system.lever
     found: list[Finding] = []
     largest = float(np.abs(scaled).max())
-    for name, pole, (push, turn), (force, torque) in zip(
+    for name, pole, (normal_force, turn), (force, torque) in zip(
         system.bodies, system.poles, scaled, load, strict=True
     ):
-        if max(np.abs(push).max(), np.abs(turn).max()) <= NEGLIGIBLE * largest:
+        if max(np.abs(normal_force).max(), np.abs(turn).max()) <= NEGLIGIBLE * largest:
             continue
-        speed, spin = float(np.linalg.norm(push)), float(np.linalg.norm(turn))
+        speed, spin = float(np.linalg.norm(normal_force)), float(np.linalg.norm(turn))
         if spin <= NEGLIGIBLE * speed:
-            along = push / speed
+            along = normal_force / speed
             found.append(_failing_force(name, along, float(force @ along)))
         else:
             axis = turn / spin
             # velocity of the pole is push, angular velocity turn / lever: the screw's axis
-            through = pole + np.cross(turn, push) / spin**2 * lever
+            through = pole + np.cross(turn, normal_force) / spin**2 * lever
             through = _support_on(system, name, through, axis)
             moment = float((torque + np.cross(pole - through, force)) @ axis)
             found.append(_failing_torque(name, axis, through, moment))
-            pitch = float(push @ axis)
+            pitch = float(normal_force @ axis)
             if abs(pitch) > NEGLIGIBLE * (speed + spin):
                 found.append(_failing_force(name, axis, float(force @ axis)))
     # a body that only moves along carries no load in that direction
@@ -140,7 +140,7 @@ TURNING = {"slips": "slipping", "rolls": "rolling", "spins": "spinning"}
 
 def _gives(element: Element, bound: Bound | None, values: Array) -> Finding:
     """Finding for a support beyond its bound."""
-    first = float(values[0]) if bound is None or bound.push is None else bound.push
+    first = float(values[0]) if bound is None or bound.normal_force is None else bound.normal_force
     if element.kind == "string":
         need = f"it would have to push with {_number(-first)} N"
         words = f"string '{element.name}' goes slack: {need}"
@@ -170,7 +170,11 @@ def explain_limit(
         if gap > 2.0 * tolerance:
             continue
         element, column = by_name[name]
-        first = float(values[column.start]) if bound is None or bound.push is None else bound.push
+        first = (
+            float(values[column.start])
+            if bound is None or bound.normal_force is None
+            else bound.normal_force
+        )
         if element.kind == "string":
             words = f"string '{name}' is on the point of going slack"
             found.append(Finding("slack", name, first, words))

@@ -211,7 +211,7 @@ class Row(NamedTuple):
     seconds: float
     """CPU time of the run."""
     verdict: str
-    said: str
+    message: str
     """message of an error or a check, or ""."""
 
     @property
@@ -234,13 +234,13 @@ def rows_of(case: Case) -> Iterator[Row]:
     for setting in case.runs:
         outcome = run(case, setting)
         for check in case.checks:
-            figure, said = measure(case, check, outcome)
+            figure, message = measure(case, check, outcome)
             holds = figure <= check.bound
             verdict = HOLDS if holds else LIMIT if case.limit else FAILS
             knob = f"{setting.step:g} s" if setting.step is not None else f"{setting.tolerance:g}"
             yield Row(
                 case.name, setting.method, knob, check.figure, figure, check.bound,
-                outcome.seconds, verdict, said,
+                outcome.seconds, verdict, message,
             )  # fmt: skip
 
 
@@ -282,14 +282,14 @@ def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
     """(figure, message); infinite if the run did not complete."""
     findings = outcome.check_list.findings if outcome.check_list is not None else ()
     lines = [outcome.error] if outcome.error else [str(finding) for finding in findings]
-    said = lines[0] if lines else ""
+    message = lines[0] if lines else ""
     if check.figure in ("warned", "refused"):
         spoken = lines if outcome.error or check.figure == "warned" else []
         found = [line for line in spoken if re.search(check.words, line)]
-        return (0.0, found[0]) if found else (1.0, said)
+        return (0.0, found[0]) if found else (1.0, message)
     if outcome.run is None or outcome.check_list is None:
-        return float("inf"), said
-    return float(FIGURES[check.figure](case, check, outcome)), said
+        return float("inf"), message
+    return float(FIGURES[check.figure](case, check, outcome)), message
 
 
 def _energy(case: Case, check: Check, outcome: Outcome) -> float:

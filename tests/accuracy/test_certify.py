@@ -302,7 +302,7 @@ def test_where_nothing_is_certain_no_error_is_stated() -> None:
     six = (math.inf,) * 6
     found = Certificate("a", ("b", "c"), six, six, (0.0,) * 6, 1.0, 0.0, 0.0, False, 1.0, 1.0, 3)
     reported = json.loads(json.dumps(found.as_dict(), allow_nan=False))
-    assert set(reported["errors"].values()) == set(reported["doubt"].values()) == {None}
+    assert set(reported["errors"].values()) == set(reported["uncertainty"].values()) == {None}
     assert "not certified" in reported["text"][0]
 
 

@@ -19,7 +19,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.checks.check import Effort, effort_of
-from rb_sim.checks.check_list import DOUBTS, CheckList
+from rb_sim.checks.check_list import UNCERTAINTIES, CheckList
 from rb_sim.checks.sample_integrals import Quadrature, Resolution
 
 RNG = np.random.default_rng(38)
@@ -74,9 +74,9 @@ def test_blocks_do_not_matter(cuts):
 @pytest.mark.parametrize("n", [60, 61])
 def test_cubics_without_their_farthest_samples_bound_the_error(n):
     t = np.linspace(0.0, 2.0, n)
-    total, doubt, _ = integrals(t, np.sin(9.0 * t)[:, None], [7])
+    total, uncertainty, _ = integrals(t, np.sin(9.0 * t)[:, None], [7])
     error = abs(total[0] - (1.0 - np.cos(18.0)) / 9.0)
-    assert error < doubt[0] < 200.0 * error
+    assert error < uncertainty[0] < 200.0 * error
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
@@ -90,17 +90,17 @@ def test_what_is_left_out_parts_two_pieces(size):
         part = slice(first, first + size)
         rule.add(t[part], f[part], out[part])
         rule.total()
-    got, doubt, _ = rule.total()
+    got, uncertainty, _ = rule.total()
     want = 0.3**4 / 4 + (2.0 * 0.15 - (0.475**2 - 0.325**2) / 2) + 5.0 * (1.0 - 0.125) / 3
     assert got[0] == pytest.approx(want, rel=1e-13)
-    assert doubt[0] < 1e-4
+    assert uncertainty[0] < 1e-4
 
 
 def test_two_samples_are_in_doubt_altogether():
     """A node looks at what it has so far: a fast top was told to lose momentum after one step."""
     t = np.array([0.0, 0.002])
-    total, doubt, _ = integrals(t, np.cos(300.0 * t)[:, None], [])
-    assert abs(total - np.sin(300.0 * 0.002) / 300.0) <= doubt
+    total, uncertainty, _ = integrals(t, np.cos(300.0 * t)[:, None], [])
+    assert abs(total - np.sin(300.0 * 0.002) / 300.0) <= uncertainty
 
 
 @pytest.mark.parametrize("n", [3, 4, 9, 40])
@@ -128,19 +128,19 @@ def test_a_gap_is_in_doubt_altogether(cuts) -> None:
     for part in np.split(np.arange(400), cuts):
         quadrature.add(t[part], f[part])
         quadrature.total()
-    total, doubt, _ = quadrature.total()
+    total, uncertainty, _ = quadrature.total()
     error = abs(total[0] - (np.sin(3.0 * t[-1]) / 3.0))
-    assert 0.01 < error < doubt[0]
+    assert 0.01 < error < uncertainty[0]
     whole = 0.5 * 2.01 * (abs(f[99, 0]) + abs(f[100, 0]))
-    assert doubt[0] == pytest.approx(whole, rel=0.2)
+    assert uncertainty[0] == pytest.approx(whole, rel=0.2)
 
 
 def test_short_intervals_beside_events_make_no_gaps_of_the_others() -> None:
     t = np.sort(np.concatenate([np.arange(100) * 0.01, np.arange(1000) * 1e-7 + 0.305]))
     quadrature = Quadrature(1)
     quadrature.add(t, np.cos(3.0 * t)[:, None])
-    total, doubt, _ = quadrature.total()
-    assert abs(total[0] - np.sin(3.0 * t[-1]) / 3.0) < 1e-6 and doubt[0] < 1e-5
+    total, uncertainty, _ = quadrature.total()
+    assert abs(total[0] - np.sin(3.0 * t[-1]) / 3.0) < 1e-6 and uncertainty[0] < 1e-5
 
 
 @pytest.mark.parametrize("decay", np.geomspace(1e-4, 0.1, 13))
@@ -150,9 +150,9 @@ def test_what_decays_between_two_samples_is_in_doubt(decay: float) -> None:
     t = np.linspace(0.0, 0.5, 51)
     rule = Quadrature(1)
     rule.add(t, np.exp(-t / decay)[:, None])
-    got, doubt, _ = rule.total()
+    got, uncertainty, _ = rule.total()
     error = abs(got[0] - decay * (1.0 - np.exp(-0.5 / decay)))
-    assert error <= DOUBTS * doubt[0] + 1e-15
+    assert error <= UNCERTAINTIES * uncertainty[0] + 1e-15
 
 
 def test_the_integral_of_the_size_is_that_of_trapezoids() -> None:

@@ -119,7 +119,7 @@ def contact_balance(law: str, modes: tuple[float, ...], seed: int) -> tuple[Bala
     mapping = two_bodies(contact, a={"shape": BOX}, body={"shape": BALL, "position": [2, 2, 2.0]})
     compiled = compile_scene(load_scene(mapping))
     system, rng = compiled.system, np.random.default_rng(seed)
-    touch = system.touch
+    touch = system.contact_table
     touch[:, CLOSED] = 1.0
     touch[:, [SLIDE, ROLL, SPIN]] = modes
     for column, arm in ((ROLL, "rolling_resistance"), (SPIN, "spinning_resistance")):
@@ -142,7 +142,7 @@ def together(system: Any, y: np.ndarray, rng: np.random.Generator) -> np.ndarray
     y[13:16] += [2.0, 1.5, -1.0]
     for _ in range(30):
         contact_accelerations(system, 0.0, y)
-        y[13:16] -= system.touch[0, GAP] * system.touch[0, NORMAL : NORMAL + 3]
+        y[13:16] -= system.contact_table[0, GAP] * system.contact_table[0, NORMAL : NORMAL + 3]
     return y
 
 

@@ -126,7 +126,7 @@ def met(compiled: Any, meeting: Meeting, rng: np.random.Generator) -> np.ndarray
         turned = Rotation.from_rotvec(x[3:]) * Rotation.from_quat(start[16:20])
         y[13:16], y[16:20] = start[13:16] + x[:3], turned.as_quat()
         contact_accelerations(system, 0.0, y)
-        return system.touch[list(meeting.points), GAP].copy()
+        return system.contact_table[list(meeting.points), GAP].copy()
 
     for _ in range(STARTS):
         y[13:16] = middle + np.array(unit(rng)) * (1.0 if meeting.support in HOLLOW else 1.5)
@@ -158,7 +158,7 @@ def found_of(meeting: Meeting, mode: float, seed: int) -> Found:
     law = FRICTION | (RESISTS if mode == SLIDES else {})
     compiled = compile_scene(load_scene(scene_of(meeting, **law)))
     system, rng = compiled.system, np.random.default_rng(seed)
-    points, touch = list(meeting.points), system.touch
+    points, touch = list(meeting.points), system.contact_table
     touch[:, CLOSED] = 0.0
     y = met(compiled, meeting, rng)
     touch[points, CLOSED] = 1.0
@@ -184,7 +184,7 @@ def held_velocities(system: Any, points: list[int], mode: float, y: np.ndarray) 
 
     def held(state: np.ndarray) -> np.ndarray:
         contact_accelerations(system, 0.0, state)
-        return system.touch[np.ix_(points, columns)].copy()
+        return system.contact_table[np.ix_(points, columns)].copy()
 
     assert np.abs(held(y)).max() <= 1e-11
     return held

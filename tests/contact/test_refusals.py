@@ -19,7 +19,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SceneError
-from rb_sim.mechanics.contact.contact_bodies import GAP, SLIP, TOUCH_WIDTH
+from rb_sim.mechanics.contact.contact_bodies import CONTACT_TABLE_WIDTH, GAP, SLIP
 from rb_sim.scene import compile_contacts
 from rb_sim.scene.compile import compile_scene
 from tests.contact.scenes import ball, body, box, scene, touch
@@ -263,13 +263,13 @@ def test_which_starts_are_refused(
     """Of overlaps, gaps of what is held both ways, and slips of what is perfectly rough, over
     MISFIT of 2 m and 3 m/s."""
     given: dict[str, Any] = START | contact
-    touch = np.zeros((1, TOUCH_WIDTH))
+    touch = np.zeros((1, CONTACT_TABLE_WIDTH))
     touch[0, GAP] = given["gap"] * compile_contacts.MISFIT * 2.0
     touch[0, SLIP : SLIP + 3] = (
         np.array([0.0, 0.6, 0.8]) * given["slip"] * compile_contacts.MISFIT * 3.0
     )
     touch[0, SLIP + 3] = 70.0
-    system: Any = SimpleNamespace(touch=touch, length=2.0, speed=3.0)
+    system: Any = SimpleNamespace(contact_table=touch, length=2.0, speed=3.0)
     law: Any = SimpleNamespace(
         compliant=given["soft"], bilateral=given["both"], static=np.inf if given["rough"] else 0.5
     )

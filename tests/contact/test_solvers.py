@@ -231,14 +231,14 @@ def test_one_contact_is_exact() -> None:
 
 def judged(r: list[float]) -> float:
     """The residual that solvers go by, of impulses r of a ball that is pushed down and along."""
-    from rb_sim.contact.contact_graph import push
+    from rb_sim.contact.contact_graph import add_impulse
     from rb_sim.contact.proximal_newton import residual_of
 
     graph, u = COLLECTION["one ball"]()
     u[0] = [-0.2, 0.0, -1.0, 0.0, 0.0, 0.0]
     x = np.array([*r, 0.0, 0.0, 0.0])
     for k in range(3):
-        push(graph.rows, k, u, 0, -1, x[k])
+        add_impulse(graph.rows, k, u, 0, -1, x[k])
     return residual_of(graph, u, x, np.empty((1, 3)), np.empty((1, 9)))
 
 

@@ -237,7 +237,7 @@ def _deepest(mapping: Any, step: float, steps: int) -> tuple[float, float]:
     for _ in range(steps):
         simulation.advance(step)
         write_rows(motion.system, simulation.time, motion._grid.y1)
-        deepest = max(deepest, -float(motion.system.touch[:, GAP].min()))
+        deepest = max(deepest, -float(motion.system.contact_table[:, GAP].min()))
     return deepest, motion.system.length
 
 

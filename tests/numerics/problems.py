@@ -19,10 +19,10 @@ import numpy as np
 from rb_sim.numerics.complementarity import (
     BOUND_WIDTH,
     CONTRADICTION,
-    HOLDS,
-    PUSH,
-    PUSHES,
-    RUBS,
+    EQUALITY,
+    FRICTION,
+    NORMAL,
+    UNILATERAL,
     solve,
 )
 
@@ -55,14 +55,14 @@ def residual_of(
 ) -> tuple[float, np.ndarray]:
     """(residual, x); lines in no item are equalities w = 0."""
     n = len(b)
-    rules, least, x = np.full(n, HOLDS), np.zeros(n), np.zeros(n)
+    rules, least, x = np.full(n, EQUALITY), np.zeros(n), np.zeros(n)
     bounds, limits = np.full((len(bounded), BOUND_WIDTH), -1), np.empty(len(bounded))
     for i, bound in enumerate(bounded):
         bounds[i, : len(bound.lines)] = bound.lines
-        bounds[i, PUSH], limits[i] = bound.normal, bound.bound
-        rules[list(bound.lines)] = RUBS
+        bounds[i, NORMAL], limits[i] = bound.normal, bound.bound
+        rules[list(bound.lines)] = FRICTION
     for normal in normals:
-        rules[normal.line] = HOLDS if normal.bilateral else PUSHES
+        rules[normal.line] = EQUALITY if normal.bilateral else UNILATERAL
         least[normal.line] = normal.least
     return solve(np.ascontiguousarray(A), b, b, rules, least, bounds, limits, x), x
 

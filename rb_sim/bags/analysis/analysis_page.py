@@ -235,8 +235,8 @@ def _verdict(found: Analysis) -> str:
     problems = [*found.notes, *gaps[:MOST]] or ["none found: no gaps, no notes"]
     balances = []
     for what, unit, row in _judged(found):
-        doubt = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
-        holds = abs(row["error"]) <= max(BALANCED * row["scale"], doubt)
+        uncertainty = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
+        holds = abs(row["error"]) <= max(BALANCED * row["scale"], uncertainty)
         verdict = "balances" if holds else "does NOT balance"
         rest = f"{abs(row['error']):.2g} of {row['scale']:.3g} {unit} not accounted for"
         balances.append(f"{what} {verdict}: {rest}")

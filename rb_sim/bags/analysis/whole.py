@@ -255,7 +255,7 @@ class _Balance:
         self._last: tuple[float, Array] | None = None
         self._first: Array = np.zeros(7)
         self._quadrature = Quadrature(7)
-        self._change, self._supply, self._doubt = np.zeros(7), np.zeros(7), np.zeros(7)
+        self._change, self._supply, self._uncertainty = np.zeros(7), np.zeros(7), np.zeros(7)
         self._scale = np.zeros(3)
         self._ends = np.zeros(2)
         self._squares = np.zeros((2, 7))
@@ -296,10 +296,10 @@ class _Balance:
     def _end(self) -> None:
         """End the current stretch."""
         if self._last is not None:
-            total, doubt, _ = self._quadrature.total()
+            total, uncertainty, _ = self._quadrature.total()
             self._change += self._last[1] - self._first
             self._supply += total
-            self._doubt += doubt
+            self._uncertainty += uncertainty
             self.stretches += 1
             self._quadrature = Quadrature(7)
 
@@ -317,8 +317,9 @@ class _Balance:
         for part, size in zip(_PARTS, scale.tolist(), strict=True):
             apart = float(np.linalg.norm(error[part]))
             relative = apart / size if size > 0.0 else None
-            doubt = float(np.linalg.norm(self._doubt[part]))
-            parts.append({"error": apart, "relative": relative, "scale": size, "quadrature": doubt,
+            uncertainty = float(np.linalg.norm(self._uncertainty[part]))
+            parts.append({"error": apart, "relative": relative, "scale": size,
+                          "quadrature": uncertainty,
                           "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
         initial, final = self._ends.tolist()
         parts[0] |= {"error": float(error[0]), "initial": initial, "final": final,

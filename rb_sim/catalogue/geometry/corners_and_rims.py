@@ -20,7 +20,7 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING, WRITTEN_ROUNDI
 from rb_sim.catalogue.geometry.curved import three
 from rb_sim.catalogue.geometry.pairs import (
     BallOnSolid,
-    Touch,
+    ContactPoint,
     ball_on_round,
     carried_direction,
     carried_point,
@@ -130,7 +130,7 @@ def lean_of(pair, gamma, axis, before):
 
 @inline
 def rim_touching(pair, B, A, before):
-    """(Touch, Lean) of a rim point on a plane, given the Lean at the start of the step."""
+    """(ContactPoint, Lean) of a rim point on a plane, given the Lean at the start of the step."""
     n, n_dot = carried_direction(A, pair.n_A)
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     k, gamma = pair.axis_B, unrotate(B.q_WB, n)
@@ -153,7 +153,7 @@ def rim_touching(pair, B, A, before):
     on, _ = carried_point(A, pair.r_A)
     p = add(B.p_WC, r)
     p_dot = add(B.v_WC, add(r_dot, cross(spin_B, r)))
-    return Touch(dot(n, sub(p, on)), n, n_dot, p, p_dot), lean
+    return ContactPoint(dot(n, sub(p, on)), n, n_dot, p, p_dot), lean
 
 
 @touching.register(RimOnPlane)
@@ -309,8 +309,8 @@ POINT = External(
 
 def rim_on_cylinder_touching(
     pair: RimOnCylinder, B: Any, A: Any, before: Lean
-) -> tuple[Touch, Lean]:
-    """(Touch, Lean) of a rim point on a cylinder, given the Lean at the start of the step.
+) -> tuple[ContactPoint, Lean]:
+    """(ContactPoint, Lean) of a rim point on a cylinder, given the Lean at the start of the step.
 
     The first component of `low` is the half of the rim that has the first point; `sense` is ABSENT
     for a second point that does not exist, which is placed at the first one.
@@ -432,8 +432,10 @@ def off_face_of_cylinder(cylinder, face, x, x_dot):
     return distance, u, where(on_end, ZERO, out_dot), where(on_end, beside, above) / size
 
 
-def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) -> tuple[Touch, Lean]:
-    """(Touch, Lean) of a corner on a solid, given the Lean at the start of the step.
+def point_on_solid_touching(
+    pair: PointOnSolid, B: Any, A: Any, before: Lean
+) -> tuple[ContactPoint, Lean]:
+    """(ContactPoint, Lean) of a corner on a solid, given the Lean at the start of the step.
 
     `low` is the supporting face, zero if none is known; `sense` is ABSENT if the point has left
     that face.
@@ -449,7 +451,7 @@ def point_on_solid_touching(pair: PointOnSolid, B: Any, A: Any, before: Lean) ->
     low = where(held, known, face_of(pair.surface, u))
     n, n_dot = out_of_solid(A, u, u_dot)
     sense = where(held & (over > COMPUTED_ROUNDING), ABSENT, before.sense)
-    return Touch(gap, n, n_dot, c, v), Lean(low, ZERO, sense)
+    return ContactPoint(gap, n, n_dot, c, v), Lean(low, ZERO, sense)
 
 
 @touching.register(PointOnSolid)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rb_sim.base.rounding import SUM_ROUNDING
-from rb_sim.catalogue.geometry.pairs import Touch, carried_direction, carried_point, touching
+from rb_sim.catalogue.geometry.pairs import ContactPoint, carried_direction, carried_point, touching
 from rb_sim.catalogue.geometry.smooth_surfaces import (
     EllipsoidSurface,
     LyingRimSurface,
@@ -224,7 +224,7 @@ def surface_on_sphere(pair, B, A):
     u, v = solved(m, dot(t1, late), dot(t2, late))
     n_dot = add(scale(u, t1), scale(v, t2))
     p_dot = add(fixed, moved(pair.surface, B.q_WB, n, n_dot))
-    return Touch(reach - pair.side * pair.curved, n, n_dot, p, p_dot)
+    return ContactPoint(reach - pair.side * pair.curved, n, n_dot, p, p_dot)
 
 
 @touching.register(SurfaceOnCylinder)
@@ -247,4 +247,4 @@ def surface_on_cylinder(pair, B, A):
     u = (dot(t, sub(c_dot, fixed)) + dot(t, e_dot) * dot(e, far)) / slope
     n_dot = add(scale(u, t), tilted)
     p_dot = add(fixed, moved(pair.surface, B.q_WB, n, scale(u, t)))
-    return Touch(reach - pair.side * pair.curved, n, n_dot, p, p_dot)
+    return ContactPoint(reach - pair.side * pair.curved, n, n_dot, p, p_dot)

@@ -107,7 +107,7 @@ def shaken(motion, t, A):
     return state, scale(-w * w * s, motion.amplitude), (0.0, 0.0, 0.0), 1.0
 
 
-class Touch(NamedTuple):
+class ContactPoint(NamedTuple):
     """The geometry of one contact at one instant, world axes."""
 
     gap: float
@@ -124,7 +124,7 @@ class Touch(NamedTuple):
 
 @dispatch
 def touching(pair, B, A):
-    """The Touch of a body in state B with a support in state A."""
+    """The ContactPoint of a body in state B with a support in state A."""
 
 
 @inline
@@ -157,7 +157,7 @@ def point_on_plane(pair, B, A):
     p, v = carried_point(B, pair.r_B)
     on, _ = carried_point(A, pair.r_A)
     n, n_dot = carried_direction(A, pair.n_A)
-    return Touch(dot(n, sub(p, on)), n, n_dot, p, v)
+    return ContactPoint(dot(n, sub(p, on)), n, n_dot, p, v)
 
 
 class SurfaceOnPlane(NamedTuple):
@@ -180,12 +180,12 @@ def surface_on_plane(pair, B, A):
     on, _ = carried_point(A, pair.r_A)
     p = add(B.p_WC, r)
     p_dot = add(B.v_WC, add(r_dot, cross(spin_B, r)))
-    return Touch(dot(n, sub(p, on)), n, n_dot, p, p_dot)
+    return ContactPoint(dot(n, sub(p, on)), n, n_dot, p, p_dot)
 
 
 @inline
 def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare):
-    """Touch of a ball at `centre` with a round support; away: from the support's middle to
+    """ContactPoint of a ball at `centre` with a round support; away: from the support's middle to
     `centre`.
 
     curved: radius of the support [m]; side: +1 outside it, -1 inside; spare: unit vector taken as
@@ -195,7 +195,7 @@ def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare
     n, n_dot = scale(side, u), scale(side, u_dot)
     gap = side * (distance - curved) - radius
     p, p_dot = sub(centre, scale(radius, n)), sub(velocity, scale(radius, n_dot))
-    return Touch(gap, n, n_dot, p, p_dot)
+    return ContactPoint(gap, n, n_dot, p, p_dot)
 
 
 class BallOnSphere(NamedTuple):
@@ -289,7 +289,7 @@ def ball_on_solid(pair, B, A):
     c, v = carried_point(B, pair.r_B)
     distance, _, n, n_dot = off_solid(pair.surface, A, c, v)
     p, p_dot = sub(c, scale(pair.radius, n)), sub(v, scale(pair.radius, n_dot))
-    return Touch(distance - pair.radius, n, n_dot, p, p_dot)
+    return ContactPoint(distance - pair.radius, n, n_dot, p, p_dot)
 
 
 class SolidOnSphere(NamedTuple):
@@ -308,4 +308,4 @@ def solid_on_sphere(pair, B, A):
     distance, gap_rate, n, n_dot = off_solid(pair.surface, B, c, v)
     p = sub(c, scale(distance, n))
     p_dot = sub(v, add(scale(gap_rate, n), scale(distance, n_dot)))
-    return Touch(distance - pair.curved, neg(n), neg(n_dot), p, p_dot)
+    return ContactPoint(distance - pair.curved, neg(n), neg(n_dot), p, p_dot)

@@ -147,12 +147,12 @@ def _print_balance(summary: dict[str, Any]) -> None:
             continue
         if energy:
             print(f"{of}energy error: {energy['error']:.2g} J of {energy['scale']:.3g} J"
-                  f"{_doubt(energy, 'J')}")  # fmt: skip
+                  f"{_uncertainty(energy, 'J')}")  # fmt: skip
         for kind, unit in (("linear", "N s"), ("angular", "N m s")):
             if momentum:
                 row = momentum[kind]
                 print(f"{of}{kind} momentum error: {row['error']:.2g} {unit} of "
-                      f"{row['scale']:.3g} {unit}{_doubt(row, unit)}")  # fmt: skip
+                      f"{row['scale']:.3g} {unit}{_uncertainty(row, unit)}")  # fmt: skip
         if lacks := balance.get("momentum_lacks_reactions_of"):
             print(f"{of}momentum error not available: no reactions of {', '.join(lacks)} are "
                   "recorded")  # fmt: skip
@@ -165,14 +165,14 @@ def _print_balance(summary: dict[str, Any]) -> None:
         print(f"contacts: work {summary['contacts']['work']:.6g} J; events: {counts or 'none'}")
 
 
-def _doubt(row: dict[str, Any], unit: str) -> str:
+def _uncertainty(row: dict[str, Any], unit: str) -> str:
     """Sampling error of an integral, if it is not small, and noise of the recording; else ""."""
-    doubt, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
-    said = [f"sampling error {doubt:.2g} {unit}"] * (doubt > 0.1 * abs(row["error"]))
-    said += [f"noise of the recording up to {noise:.2g} {unit}"] * (
+    uncertainty, noise = row.get("quadrature") or 0.0, row.get("noise") or 0.0
+    notes = [f"sampling error {uncertainty:.2g} {unit}"] * (uncertainty > 0.1 * abs(row["error"]))
+    notes += [f"noise of the recording up to {noise:.2g} {unit}"] * (
         noise > 0.01 * abs(row["error"])
     )
-    return f" ({'; '.join(said)})" if said else ""
+    return f" ({'; '.join(notes)})" if notes else ""
 
 
 def _print_constraints(summary: dict[str, Any] | None) -> None:

@@ -206,9 +206,9 @@ def _print(report: dict[str, Any]) -> None:
             unit = UNITS[quantity]
             since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
             growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
-            doubt = f"{row['interpolation']:.2g}" if row["interpolation"] else ""
+            uncertainty = f"{row['interpolation']:.2g}" if row["interpolation"] else ""
             table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
-                          f"{row['at'] - start:.6g}", doubt, since, growth)  # fmt: skip
+                          f"{row['at'] - start:.6g}", uncertainty, since, growth)  # fmt: skip
     plain_console(highlight=False).print(table)
 
 

@@ -67,7 +67,7 @@ def hard_cases(
             others += beside(case, rows)
     failed = [row for row in rows if row.verdict == FAILS]
     for row in failed:
-        print(f"fails: {row.case}, {row.method}: {row.said or row.check}", file=sys.stderr)
+        print(f"fails: {row.case}, {row.method}: {row.message or row.check}", file=sys.stderr)
     if out is not None:
         try:
             print(f"wrote {', '.join(map(str, write(out, cases, rows, others, quick)))}")

@@ -143,32 +143,33 @@ from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_rows
 from rb_sim.scene.compiled import Compiled
 
-# Contacts that lift off at one instant: their pushes vanish together, and none may be reported
-# first.
+# Contacts that lift off at one instant: their normal forces vanish together, and none may be
+# reported # first.
 #
 # Where one of several points opens, as of a box that its floor leaves, the others bear nothing any
 # more.  To open one alone lets the others open and it close in turns, by rounding, without end.
 
 
 def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
-    """Rigid contacts whose push has fallen in the step and is over at t, but for rounding of t.
+    """Rigid contacts whose normal force has fallen in the step and is over at t, but for rounding
+    of t.
 
     system: its forces are those at t in the modes before. begun: where the step began [s]; an event
-    there has no step in which a push could have fallen.
+    there has no step in which it could have fallen.
     """
     if not t > begun:
         return frozenset()
-    touch, unit = system.touch, system.mass * system.speed**2 / system.length
-    rigid = (touch[:, CLOSED] == 1.0) & (touch[:, BILATERAL] == 0.0) & (touch[:, COMPLIANT] == 0.0)
-    push = touch[:, NORMAL_FORCE] / unit
-    fallen = touch[:, EVENT_FUNCTIONS_BEFORE] - push
-    left = push * (t - begun) <= fallen * COMPUTED_ROUNDING * max(1.0, abs(t))
+    table, unit = system.contact_table, system.mass * system.speed**2 / system.length
+    rigid = (table[:, CLOSED] == 1.0) & (table[:, BILATERAL] == 0.0) & (table[:, COMPLIANT] == 0.0)
+    normal_force = table[:, NORMAL_FORCE] / unit
+    fallen = table[:, EVENT_FUNCTIONS_BEFORE] - normal_force
+    left = normal_force * (t - begun) <= fallen * COMPUTED_ROUNDING * max(1.0, abs(t))
     return frozenset(np.flatnonzero(rigid & (fallen > 0.0) & left).tolist())
 
 
 def bearing(system: Any, lifted: frozenset[int]) -> bool:
     """Whether a contact bears besides those that lift off."""
-    return bool(set(np.flatnonzero(system.touch[:, CLOSED] == 1.0).tolist()) - lifted)
+    return bool(set(np.flatnonzero(system.contact_table[:, CLOSED] == 1.0).tolist()) - lifted)
 
 
 # Where a point leaves the face of another body's solid and may not.
@@ -211,16 +212,16 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
 
     mode: SLIDE or ROLL; arms: A of each body (see mechanics.error_scales), (N, 3, 3) [m].
     """
-    touch, y, table = at.system.touch, at.y.copy(), at.system.touch.copy()
+    table, y, kept = at.system.contact_table, at.y.copy(), at.system.contact_table.copy()
     before = velocities(at.system, at.y)
-    left = float(np.linalg.norm(touch[cs, SLIP : SLIP + 3], axis=1).max())
+    left = float(np.linalg.norm(table[cs, SLIP : SLIP + 3], axis=1).max())
     if mode != SLIDE:
         left = (
-            float(np.linalg.norm(touch[cs, RELATIVE_SPIN : RELATIVE_SPIN + 3], axis=1).max())
+            float(np.linalg.norm(table[cs, RELATIVE_SPIN : RELATIVE_SPIN + 3], axis=1).max())
             * at.system.length
         )
-    creep = touch[cs, CREEPS].copy()
-    touch[cs, mode], touch[cs, CREEPS] = STUCK, 0.0
+    creep = table[cs, CREEPS].copy()
+    table[cs, mode], table[cs, CREEPS] = STUCK, 0.0
     at.call(SETTLE, at.t, at.y)
     change = (velocities(at.system, at.y) - before).reshape(-1, 6)
     turned = np.linalg.norm(np.einsum("bij,bj->bi", arms, change[:, 3:]), axis=1)
@@ -229,8 +230,8 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
     stops = most <= max(MOVED * left, at.system.velocity_tolerance)
     if not stops or (creep.any() and nearly_depend(at)):
         at.y[:] = y
-        touch[:] = table
-        touch[cs, CREEPS] = np.where(creep > 0.0, SLOWER * left, 0.0)
+        table[:] = kept
+        table[cs, CREEPS] = np.where(creep > 0.0, SLOWER * left, 0.0)
         at.refresh()
         return False
     return True
@@ -317,7 +318,8 @@ class ContactMotion(GridMotion):
         system = self.compiled.system
         # tables that outlast an evaluation: another motion of the scene has its own
         own = {
-            name: getattr(system, name).copy() for name in ("touch", "vectors", "rows", "row_table")
+            name: getattr(system, name).copy()
+            for name in ("contact_table", "vectors", "rows", "row_table")
         }
         self.system = system._replace(**own, **slow_slips(system, self.method))
         self._packed: Any = None
@@ -387,11 +389,11 @@ class ContactMotion(GridMotion):
     def _explain(self, status: int) -> str:
         """As Motion; also the method for a contact point that no step can follow, as on a rim that
         comes to touch all round, and which slips an implicit method may not follow."""
-        touch, text = self.system.touch, super()._explain(status)
-        if status == STEP_UNDERFLOW and (touch[:, COMPLIANT] == 0.0).any():
+        table, text = self.system.contact_table, super()._explain(status)
+        if status == STEP_UNDERFLOW and (table[:, COMPLIANT] == 0.0).any():
             return f"{text}; {TOOL}"
         slides_with_friction = (
-            (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+            (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
         )
         if status != NOT_FINITE or not self._stepping.setting[4] or not slides_with_friction.any():
             return text
@@ -550,8 +552,8 @@ class ContactMotion(GridMotion):
         for c in slipping_rough(instant):
             self._stop_at_once(instant)
             ambiguous = self._found_modes(instant, None)
-            pushes = self.system.touch[c, CLOSED] == 1.0
-            if not pushes or c in slipping_rough(instant):
+            closed = self.system.contact_table[c, CLOSED] == 1.0
+            if not closed or c in slipping_rough(instant):
                 refuse_rough(instant, c, self.names)
         return ambiguous
 
@@ -569,20 +571,20 @@ class ContactMotion(GridMotion):
     def _stopped(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
         """The event that a slip or a rolling ends, once it has; or that it begins anew."""
         arms = self._arms.reshape(-1, 3, 3)
-        creep = self.system.touch[:, CREEPS]
+        creep = self.system.contact_table[:, CREEPS]
         ends = np.flatnonzero(creep).tolist() if creep[code[0]] > 0.0 else [code[0]]
         if stop(instant, ends, STOPS[code[1]], arms):
             return code
         return code[0], BEGINS_ANEW[code[1]]
 
     def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
-        """The event, which may be the end of several pushes; where friction reaches its bound as
-        the push vanishes, the end of the push."""
+        """The event, which may be the end of several normal forces; where friction reaches its
+        bound as the normal force vanishes, the end of the latter."""
         self._call(ACCELERATE, instant.t, instant.y)
         lifted = lifting(self.system, self._grid.t0, instant.t)
-        push = np.abs(self.system.touch[:, NORMAL_FORCE])
-        pushes = self.laws[code[0]].bilateral or push[code[0]] > SOLVED * push.max()
-        if not pushes or code[0] in lifted:
+        normal_force = np.abs(self.system.contact_table[:, NORMAL_FORCE])
+        bears = self.laws[code[0]].bilateral or normal_force[code[0]] > SOLVED * normal_force.max()
+        if not bears or code[0] in lifted:
             code = code[0], LIFT_OFF
         if code[1] == LIFT_OFF:
             self._lifted = lifted
@@ -627,8 +629,8 @@ class ContactMotion(GridMotion):
     def _jam(self, instant: Instant, c: int | None) -> None:
         """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
         for i in range(len(self.laws)) if c is None else (c,):
-            touch = self.system.touch
-            if touch[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
+            table = self.system.contact_table
+            if table[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
                 x = impulses_of_jam(instant, i)
                 if x is None:
                     break
@@ -641,7 +643,10 @@ class ContactMotion(GridMotion):
             refuse_rough(instant, rough[0], self.names)
         hardly = c is not None and instant.slip_speed(c) <= self.system.velocity_tolerance
         # compliant contacts that stick may find no forces either, and touch nothing rigidly
-        near = instant.touching() or np.flatnonzero(self.system.touch[:, CLOSED] == 1.0).tolist()
+        near = (
+            instant.touching()
+            or np.flatnonzero(self.system.contact_table[:, CLOSED] == 1.0).tolist()
+        )
         if (c is None or hardly) and near and self._leapt_over(instant, near[0]):
             return
         if c is None and near and not instant.touching():
@@ -685,9 +690,9 @@ class ContactMotion(GridMotion):
     def _stepping(self) -> Stepping:
         """The method, as the loop takes it; made anew where `method` is another one."""
         if self._taken is None or self._taken[0] is not self.method:
-            touch = self.system.touch
+            table = self.system.contact_table
             compliant_friction = bool(
-                ((touch[:, STATIC] > 0.0) & (touch[:, COMPLIANT] == 1.0)).any()
+                ((table[:, STATIC] > 0.0) & (table[:, COMPLIANT] == 1.0)).any()
             )
             taken = stepping_of(self.compiled, self.method, compliant_friction)
             self._taken = self.method, taken

@@ -59,6 +59,7 @@ from rb_sim.mechanics.contact.accelerations import (
 )
 from rb_sim.mechanics.contact.constraint_tables import carry_inputs, write_joints
 from rb_sim.mechanics.contact.contact_bodies import (
+    ACTIVE,
     AMONG_POSITIONS,
     AMONG_ROWS,
     AT_JAM,
@@ -69,7 +70,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_KINDS,
     EVENT_RATES_BEFORE,
     FREE,
-    HOLDS,
     JAMMED,
     JAMS,
     MOST_RANK,
@@ -117,10 +117,10 @@ FASTEST = 1e-3
 @inline
 def slowest_slip(system):
     """The least speed of a slip whose friction has a corner, over the scene's."""
-    touch, least = system.touch, FASTEST * system.speed
-    for c in range(touch.shape[0]):
-        if slides_with_friction(touch, c):
-            least = min(least, max(norm(vec(touch, c, SLIP)), least_slip(system, c)))
+    table, least = system.contact_table, FASTEST * system.speed
+    for c in range(table.shape[0]):
+        if slides_with_friction(table, c):
+            least = min(least, max(norm(vec(table, c, SLIP)), least_slip(system, c)))
     return least / system.speed
 
 
@@ -265,7 +265,7 @@ def find_changing(system):
     for k in range(first_row_of(system, 0)):
         flags = system.row_table[k, DEPENDENT]
         if flags & CHANGING != 0:
-            system.row_table[count, HOLDS] = k
+            system.row_table[count, ACTIVE] = k
             count += 1
             if flags & AMONG_ROWS == 0:
                 rank += 1
@@ -291,7 +291,7 @@ def choose_rows(system, t, y):
         return
     for m in range(count):
         left_out = 0 if chosen[m] == 1.0 else AMONG_ROWS + AMONG_POSITIONS
-        system.row_table[system.row_table[m, HOLDS], DEPENDENT] = CHANGING + left_out
+        system.row_table[system.row_table[m, ACTIVE], DEPENDENT] = CHANGING + left_out
 
 
 @inline
@@ -313,7 +313,7 @@ def choose_rank(system, t, y):
     free_rank(system)
     if system.row_table[0, REDUNDANT] == 0:
         return
-    kept = system.touch.copy()
+    kept = system.contact_table.copy()
     rank, holding = moving(system, t, y, False)
     if rank < holding:
         nudge, later = NUDGE * system.length / system.speed, np.zeros_like(y)
@@ -326,7 +326,7 @@ def choose_rank(system, t, y):
             system.row_table[0, MOST_RANK] = int(rank)
     for c in range(kept.shape[0]):
         for j in range(kept.shape[1]):
-            system.touch[c, j] = kept[c, j]
+            system.contact_table[c, j] = kept[c, j]
 
 
 # As `integrate.loop`, for bodies in contact: it stops at the instant of an event.
@@ -351,13 +351,13 @@ RETRIES = 20
 def before_jam(system, grid):
     """Where the step has to end, at the latest, not to jump over the instant at which a slipping
     contact jams."""
-    touch, last = system.touch, grid.t1
-    for c in range(touch.shape[0]):
+    table, last = system.contact_table, grid.t1
+    for c in range(table.shape[0]):
         level, rate = (
-            touch[c, EVENT_FUNCTIONS_BEFORE + AT_JAM],
-            touch[c, EVENT_RATES_BEFORE + AT_JAM],
+            table[c, EVENT_FUNCTIONS_BEFORE + AT_JAM],
+            table[c, EVENT_RATES_BEFORE + AT_JAM],
         )
-        if touch[c, CLOSED] == 1.0 and 0.0 < level < FREE and rate < 0.0:
+        if table[c, CLOSED] == 1.0 and 0.0 < level < FREE and rate < 0.0:
             part = JAM_PART if level > JAMMED else JAM_PASS
             last = min(last, grid.t0 - part * level / rate)
     return last
@@ -371,9 +371,9 @@ def jam_that_is_due(system):
     Its force turns the slip, so that the pivot vanishes as the root of the time left: no step that
     changes t may bring it down to JAMMED.
     """
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 1.0 and touch[c, EVENT_FUNCTIONS_BEFORE + AT_JAM] < NEAR_JAM:
+    table = system.contact_table
+    for c in range(table.shape[0]):
+        if table[c, CLOSED] == 1.0 and table[c, EVENT_FUNCTIONS_BEFORE + AT_JAM] < NEAR_JAM:
             return EVENT_KINDS * c + JAMS
     return -1
 
@@ -381,8 +381,8 @@ def jam_that_is_due(system):
 @inline
 def bears(system):
     """Whether a contact is closed: else a step without a solution is too long for the loads."""
-    for c in range(system.touch.shape[0]):
-        if system.touch[c, CLOSED] == 1.0:
+    for c in range(system.contact_table.shape[0]):
+        if system.contact_table[c, CLOSED] == 1.0:
             return True
     return False
 
@@ -435,7 +435,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
     if grid.t0 < grid.t1:  # samples of the step taken last are steps of the same law
         system.row_table[0, MOST_RANK] = system.row_table[0, STEP_RANK]
     # a step costs as much as there are contacts, and a signal waits for the end of the piece
-    last_step = grid.steps + max(1, PIECE_STEPS // system.touch.shape[0])
+    last_step = grid.steps + max(1, PIECE_STEPS // system.contact_table.shape[0])
     for i in range(times.shape[0]):
         t = times[i]
         while grid.t1 < t - ULPS * abs(t) or (code >= 0 and grid.t1 <= t + ULPS * abs(t)):
@@ -468,7 +468,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
             if status != FINE:
                 break
             if code < 0:
-                note_rounded_leans(system.touch, kept, grid.t0)
+                note_rounded_leans(system.contact_table, kept, grid.t0)
                 code, grid = next_event(method, system, grid, work, kept, arms)
                 if not finite(grid.y1):
                     status = NOT_FINITE

@@ -21,7 +21,7 @@ from rb_sim.contact.grid_motion import Grid
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import DY, FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS, address
 from rb_sim.integrate.loop import next_length
-from rb_sim.mechanics.contact.accelerations import slides_on_what_gives
+from rb_sim.mechanics.contact.accelerations import slides_on_compliant
 from rb_sim.mechanics.contact.contact_bodies import (
     AT_ROLL,
     AT_SLIP,
@@ -96,11 +96,11 @@ STRAIGHT = 1e-6
 
 
 @inline
-def time_to_stop(touch, c, i, mode):
+def time_to_stop(table, c, i, mode):
     """Time after which the slip or the rolling of contact c, event function i, would vanish at its
     present rate; FREE if it does not slow down."""
-    level, rate = touch[c, EVENT_FUNCTIONS_BEFORE + i], touch[c, EVENT_RATES_BEFORE + i]
-    slides = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING
+    level, rate = table[c, EVENT_FUNCTIONS_BEFORE + i], table[c, EVENT_RATES_BEFORE + i]
+    slides = table[c, CLOSED] == 1.0 and table[c, mode] == SLIDING
     slows = slides and level < FREE and rate < -FAINT
     return max(-level / rate, 0.0) if slows else FREE
 
@@ -120,33 +120,33 @@ def lightness(system, y, b, p):
 def own_rate(system, y, c, i):
     """a, what friction itself gives the slip or the rolling of contact c, in the units of its event
     function i [1/s]."""
-    touch, k = system.touch, first_row_of(system, c)
-    p = vec(touch, c, POINT)
+    table, k = system.contact_table, first_row_of(system, c)
+    p = vec(table, c, POINT)
     moves_B, turns_B = lightness(system, y, system.row_table[k, BODY], p)
     moves_A, turns_A = lightness(system, y, system.row_table[k, PARENT], p)
-    push = abs(touch[c, EVENT_FUNCTIONS_BEFORE]) * natural_force(system)
+    normal_force = abs(table[c, EVENT_FUNCTIONS_BEFORE]) * natural_force(system)
     if i == AT_SLIP:
-        return SHARP / system.speed * touch[c, STATIC] * push * (moves_B + moves_A)
-    return touch[c, ROLLING_ARM] * push * (turns_B + turns_A) / natural_turning(system)
+        return SHARP / system.speed * table[c, STATIC] * normal_force * (moves_B + moves_A)
+    return table[c, ROLLING_ARM] * normal_force * (turns_B + turns_A) / natural_turning(system)
 
 
 @inline
 def was_turned(system, c, i, sine):
     """True if the last step has turned the slip or the rolling of contact c by more than that."""
-    touch = system.touch
+    table = system.contact_table
     if i == AT_SLIP:
-        now, before = vec(touch, c, SLIP), vec(touch, c, SLIP_DIRECTION)
+        now, before = vec(table, c, SLIP), vec(table, c, SLIP_DIRECTION)
     else:
-        now, before = rolling(touch, c), vec(touch, c, ROLL_DIRECTION)
+        now, before = rolling(table, c), vec(table, c, ROLL_DIRECTION)
     return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
 
 
 @inline
 def longest_step(system, y, c, i, mode, h):
     """The longest step from y, up to h, that the slip or the rolling of contact c allows."""
-    touch, level = system.touch, system.touch[c, EVENT_FUNCTIONS_BEFORE + i]
-    slides = touch[c, CLOSED] == 1.0 and touch[c, mode] == SLIDING and level < FREE
-    left = time_to_stop(touch, c, i, mode)
+    table, level = system.contact_table, system.contact_table[c, EVENT_FUNCTIONS_BEFORE + i]
+    slides = table[c, CLOSED] == 1.0 and table[c, mode] == SLIDING and level < FREE
+    left = time_to_stop(table, c, i, mode)
     if not slides or left * system.speed <= LAST_STEP * system.length:
         return min(left, h)
     own = own_rate(system, y, c, i)
@@ -172,17 +172,20 @@ def before_noise(method, system, grid, implicit):
     last = grid.t1
     if method.setting[4] != 0.0 or implicit:
         return last
-    touch, velocity_tolerance = system.touch, SHARP * system.velocity_tolerance / system.speed
-    for c in range(touch.shape[0]):
-        level = touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
-        slides = touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING
+    table, velocity_tolerance = (
+        system.contact_table,
+        SHARP * system.velocity_tolerance / system.speed,
+    )
+    for c in range(table.shape[0]):
+        level = table[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
+        slides = table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING
         if (
             slides
             and velocity_tolerance < level <= FAST * velocity_tolerance
             and was_turned(system, c, AT_SLIP, ASIDE)
         ):
             own = own_rate(system, grid.y0, c, AT_SLIP)
-            if -touch[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
+            if -table[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
                 last = min(last, grid.t0 + CALM * level / own)
     return last
 
@@ -197,7 +200,7 @@ def before_stop(method, system, grid, implicit):
         return before_noise(method, system, grid, implicit)
     if not is_followed(method):
         return last
-    for c in range(system.touch.shape[0]):
+    for c in range(system.contact_table.shape[0]):
         slip = longest_step(system, grid.y0, c, AT_SLIP, SLIDE, h)
         roll = longest_step(system, grid.y0, c, AT_ROLL, ROLL, h)
         last = min(last, grid.t0 + min(slip, roll))
@@ -211,10 +214,10 @@ def stop_that_is_due(method, system, t):
     if not is_followed(method):
         return -1
     soon = max(ENDED * system.length / system.speed, ULPS * abs(t))
-    for c in range(system.touch.shape[0]):
-        if time_to_stop(system.touch, c, AT_SLIP, SLIDE) <= soon:
+    for c in range(system.contact_table.shape[0]):
+        if time_to_stop(system.contact_table, c, AT_SLIP, SLIDE) <= soon:
             return EVENT_KINDS * c + SLIP_ENDS
-        if time_to_stop(system.touch, c, AT_ROLL, ROLL) <= soon:
+        if time_to_stop(system.contact_table, c, AT_ROLL, ROLL) <= soon:
             return EVENT_KINDS * c + ROLL_ENDS
     return -1
 
@@ -241,28 +244,28 @@ IMPLICIT_ORDER = 4.0
 def note_stiffness(system, y):
     """The rates at which friction turns slips that go on, where a step starts: on what gives way; a
     slip on a rigid support that is as slow goes on as before."""
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        touch[c, STIFF] = 0.0
-        if not slides_on_what_gives(touch, c):
+    table = system.contact_table
+    for c in range(table.shape[0]):
+        table[c, STIFF] = 0.0
+        if not slides_on_compliant(table, c):
             continue
         least = SHARP * least_slip(system, c) / system.speed
-        level = SHARP * norm(vec(touch, c, SLIP)) / system.speed
-        if touch[c, CREEPS] > 0.0:
-            touch[c, STIFF] = own_rate(system, y, c, AT_SLIP) / max(level, least)
-        elif least < touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP] < FREE:
+        level = SHARP * norm(vec(table, c, SLIP)) / system.speed
+        if table[c, CREEPS] > 0.0:
+            table[c, STIFF] = own_rate(system, y, c, AT_SLIP) / max(level, least)
+        elif least < table[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP] < FREE:
             rate = own_rate(system, y, c, AT_SLIP) / level
-            lasts = rate * time_to_stop(touch, c, AT_SLIP, SLIDE) > LASTS
-            touch[c, STIFF] = rate if lasts else 0.0
+            lasts = rate * time_to_stop(table, c, AT_SLIP, SLIDE) > LASTS
+            table[c, STIFF] = rate if lasts else 0.0
 
 
 @inline
 def shortened(system, tried):
     """(whether a step of this length is an implicit one, its length); it ends before slips do."""
-    touch, rate, soon = system.touch, 0.0, FREE
-    for c in range(touch.shape[0]):
-        rate = max(rate, touch[c, STIFF])
-        soon = min(soon, time_to_stop(touch, c, AT_SLIP, SLIDE))
+    table, rate, soon = system.contact_table, 0.0, FREE
+    for c in range(table.shape[0]):
+        rate = max(rate, table[c, STIFF])
+        soon = min(soon, time_to_stop(table, c, AT_SLIP, SLIDE))
     if rate * tried > LONG:
         tried = min(tried, STOP_PART * soon)
     return rate * tried > LONG, tried

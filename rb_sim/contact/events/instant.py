@@ -354,10 +354,10 @@ class Instant:
         of = f"the joint impulses at t = {self.t:.9g} s"
         return pseudo_inverse(A, of) @ held @ self.inverse_mass @ rows.T
 
-    def pivot_of(self, rows: Array, pushes: Array) -> Array:
-        """Velocities along `rows` per unit of impulse along each of `pushes`, joints holding."""
+    def pivot_of(self, rows: Array, directions: Array) -> Array:
+        """Velocities along `rows` per unit of impulse along `directions`, joints holding."""
         held = self.workspace.J[: self.first[0]]
-        return rows @ self.inverse_mass @ (pushes.T - held.T @ self.taken_by_joints(pushes))
+        return rows @ self.inverse_mass @ (directions.T - held.T @ self.taken_by_joints(directions))
 
     def effective_pivot(self, c: int) -> float:
         """n . M^-1 (n + T/N) over n . M^-1 n, joints holding, for the slip that contact c has."""
@@ -366,12 +366,12 @@ class Instant:
             return 1.0
         k = self.first[c]
         J = self.workspace.J
-        n = self.system.touch[c, NORMAL : NORMAL + 3]
+        n = self.system.contact_table[c, NORMAL : NORMAL + 3]
         t1, t2 = frame(n)
-        d = self.system.touch[c, SLIP : SLIP + 3] / speed
-        push = J[k] - law.kinetic * (float(d @ t1) * J[k + 1] + float(d @ t2) * J[k + 2])
+        d = self.system.contact_table[c, SLIP : SLIP + 3] / speed
+        direction = J[k] - law.kinetic * (float(d @ t1) * J[k + 1] + float(d @ t2) * J[k + 2])
         alone = float(J[k] @ self.inverse_mass @ J[k])
-        ideal, effective = self.pivot_of(J[[k]], np.array([J[k], push]))[0]
+        ideal, effective = self.pivot_of(J[[k]], np.array([J[k], direction]))[0]
         return float(effective / ideal) if ideal > RANK_TOLERANCE * alone else 1.0
 
 
@@ -435,8 +435,8 @@ def leap(at: Instant, duration: float) -> Array | None:
     """Impulses of all rows [N s] over `duration` [s]; y becomes the state after it, off the
     manifold by the square of the duration, and the table has the modes that it ends in.  Impulses
     and contact forces work on the mean velocity.  None if the laws have no solution here either."""
-    touching, touch = at.touching(), at.system.touch
-    pressed = [c for c, law in enumerate(at.laws) if law.compliant and touch[c, CLOSED] == 1.0]
+    touching, table = at.touching(), at.system.contact_table
+    pressed = [c for c, law in enumerate(at.laws) if law.compliant and table[c, CLOSED] == 1.0]
     at.workspace.taking_part[:] = 0
     at.workspace.taking_part[touching], at.workspace.taking_part[pressed] = CANDIDATE, PRESSED
     at.workspace.moved[:] = 0
@@ -462,7 +462,7 @@ def leap(at: Instant, duration: float) -> Array | None:
     at.t += duration
     for c in touching:
         if impulses[at.first[c]] == 0.0:
-            touch[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
+            table[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
     return impulses
 
 
@@ -475,23 +475,23 @@ def what_moves(at: Instant, c: int) -> tuple[bool, bool, bool]:
 
 def rest_if_it_may(at: Instant, c: int) -> None:
     """Close contact c, at rest in each way in which its law has a rest."""
-    touch, law = at.system.touch, at.laws[c]
-    touch[c, CLOSED] = 1.0
-    touch[c, SLIDE] = STUCK if law.static > 0.0 else SLIDING
-    touch[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
-    touch[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
+    table, law = at.system.contact_table, at.laws[c]
+    table[c, CLOSED] = 1.0
+    table[c, SLIDE] = STUCK if law.static > 0.0 else SLIDING
+    table[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
+    table[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
 
 
 def bring_back(at: Instant) -> None:
     """Bring the state after a leap back to the manifold of its modes, and apart what overlaps."""
     at.refresh()
-    touch, u = at.system.touch, velocities(at.system, at.y)
-    under = [c for c in at.touching() if touch[c, CLOSED] == 0.0 and touch[c, GAP] < 0.0]
+    table, u = at.system.contact_table, velocities(at.system, at.y)
+    under = [c for c in at.touching() if table[c, CLOSED] == 0.0 and table[c, GAP] < 0.0]
     if under:
-        touch[under, CLOSED] = 1.0
+        table[under, CLOSED] = 1.0
         at.call(SETTLE, at.t, at.y)
         set_velocities(at.system, at.y, u)
-        touch[under, CLOSED] = 0.0
+        table[under, CLOSED] = 0.0
     at.call(SETTLE, at.t, at.y)
     at.refresh()
 

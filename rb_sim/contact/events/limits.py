@@ -100,7 +100,7 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
         here = [c for c in pair if c in touching]
         if len(here) < 2:
             continue
-        normals: Array = at.system.touch[here, NORMAL : NORMAL + 3]
+        normals: Array = at.system.contact_table[here, NORMAL : NORMAL + 3]
         other = np.flatnonzero(normals @ normals[0] < ALIKE)
         if len(other):
             raise SimulationError(
@@ -111,7 +111,7 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
 
 # Laws of friction that have no motion at all in some states: which, and the line that says so.
 #
-# Perfectly rough contacts that push may not slip.
+# Perfectly rough closed contacts may not slip.
 #
 # No force of theirs is bounded, so that a slip ends in an impact at once.  A support that gives way
 # knows no impacts, and a contact that would have to pull to keep from slipping has no motion at
@@ -120,8 +120,11 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
 
 def slipping_rough(at: Instant) -> list[int]:
     """Perfectly rough contacts that are closed and slip, in the modes of the table."""
-    touch, rough = at.system.touch, [c for c, law in enumerate(at.laws) if law.static == math.inf]
-    return [c for c in rough if touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING]
+    table, rough = (
+        at.system.contact_table,
+        [c for c, law in enumerate(at.laws) if law.static == math.inf],
+    )
+    return [c for c in rough if table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING]
 
 
 def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
@@ -138,8 +141,8 @@ def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
 
 
 def refuse_drag(t: float, name: str) -> None:
-    """Raise SimulationError: a viscous contact's drag, which does not wait for a push, lifts its
-    body off, and without it the body falls back."""
+    """Raise SimulationError: a viscous contact's drag, which does not wait for a normal force,
+    lifts its body off, and without it the body falls back."""
     raise SimulationError(
         f"viscous contact {name} can neither stay closed nor open at t = {t:.9g} s: its "
         "drag, which "
@@ -153,9 +156,9 @@ def refuse_to_be_dragged_off(
 ) -> None:
     """Raise SimulationError where a contact with a damper, which its drag has just lifted off,
     would push again at once: at the start of the step, apart, its event function falls."""
-    touch, unit = system.touch, system.length / system.speed
-    apart = law.compliant and touch[c, CLOSED] == 0.0
-    if apart and law.drags and touch[c, EVENT_RATES_BEFORE] * unit < -HELD_DOWN:
+    table, unit = system.contact_table, system.length / system.speed
+    apart = law.compliant and table[c, CLOSED] == 0.0
+    if apart and law.drags and table[c, EVENT_RATES_BEFORE] * unit < -HELD_DOWN:
         refuse_drag(t, names[c])
 
 
@@ -206,9 +209,9 @@ def lying(at: Instant, rims: Rims) -> list[int]:
     """Those that touch with the rim flat."""
     if not rims:
         return []
-    touch = at.system.touch
+    table = at.system.contact_table
     return [
-        c for c in at.touching() if c in rims and np.linalg.norm(touch[c, AXIS : AXIS + 3]) < FLAT
+        c for c in at.touching() if c in rims and np.linalg.norm(table[c, AXIS : AXIS + 3]) < FLAT
     ]
 
 
@@ -217,25 +220,25 @@ def aim_under_the_load(at: Instant, rims: Rims) -> bool:
     would bear if all its points held it; False if it has."""
     if not rims:
         return False
-    touch, aims = at.system.touch, {}
+    table, aims = at.system.contact_table, {}
     slow = SLOW * at.system.speed / at.system.length
     down = [c for c in lying(at, rims) if np.linalg.norm(falling(at, c)) <= slow]
-    modes = touch[:, CLOSED : SPIN_SIGN + 1].copy()
+    modes = table[:, CLOSED : SPIN_SIGN + 1].copy()
     groups = [[c for c in down if rims[c] == rim] for rim in {rims[c] for c in down}]
-    borne = [points for points in groups if touch[points, CLOSED].any()]
+    borne = [points for points in groups if table[points, CLOSED].any()]
     for points in borne:
-        first = next(c for c in points if touch[c, CLOSED] == 1.0)
-        touch[points, CLOSED : SPIN_SIGN + 1] = touch[first, CLOSED : SPIN_SIGN + 1]
+        first = next(c for c in points if table[c, CLOSED] == 1.0)
+        table[points, CLOSED : SPIN_SIGN + 1] = table[first, CLOSED : SPIN_SIGN + 1]
     if not borne:
         return False
     at.call(ACCELERATE, at.t, at.y)
     for points in borne:
-        push, off = touch[points, NORMAL_FORCE], touch[points, POINT : POINT + 3]
+        normal_force, off = table[points, NORMAL_FORCE], table[points, POINT : POINT + 3]
         off = off - off.mean(axis=0)
-        most = float(np.abs(push).sum() * np.abs(off).max())
-        middle = push @ off / most if most > 0.0 else np.zeros(3)
+        most = float(np.abs(normal_force).sum() * np.abs(off).max())
+        middle = normal_force @ off / most if most > 0.0 else np.zeros(3)
         aims |= {c: middle for c in points}
-    touch[:, CLOSED : SPIN_SIGN + 1] = modes
+    table[:, CLOSED : SPIN_SIGN + 1] = modes
     at.refresh()
     return aim(at, aims, BORNE)
 
@@ -248,21 +251,21 @@ def aim_where_it_turns(at: Instant, rims: Rims) -> bool:
 
 def falling(at: Instant, c: int) -> Array:
     """Where the rim of contact c goes down as it turns, by its rate: turn x n."""
-    touch = at.system.touch
-    return np.cross(touch[c, RELATIVE_SPIN : RELATIVE_SPIN + 3], touch[c, NORMAL : NORMAL + 3])
+    table = at.system.contact_table
+    return np.cross(table[c, RELATIVE_SPIN : RELATIVE_SPIN + 3], table[c, NORMAL : NORMAL + 3])
 
 
 def aim(at: Instant, towards: dict[int, Array], least: float) -> bool:
     """Let the first point of each rim, or the one opposite, lie in the direction `towards` it."""
-    touch, moved = at.system.touch, False
+    table, moved = at.system.contact_table, False
     for c, direction in towards.items():
         size = float(np.linalg.norm(direction))
         if size <= least:
             continue
         q = state_of(at.y, int(at.system.row_table[at.first[c], BODY])).q_WB
         low = np.array(unrotate(q, tuple(direction / size)))
-        if np.linalg.norm(np.cross(low, touch[c, LOW : LOW + 3])) > AIMED:
-            touch[c, LEAN_BEFORE : LEAN_BEFORE + 3], moved = low, True
+        if np.linalg.norm(np.cross(low, table[c, LOW : LOW + 3])) > AIMED:
+            table[c, LEAN_BEFORE : LEAN_BEFORE + 3], moved = low, True
     if moved:
         at.refresh()
     return moved

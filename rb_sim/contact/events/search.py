@@ -63,10 +63,10 @@ from rb_sim.mechanics.contact.contact_bodies import (
     SLIP_DIRECTION,
     SLIP_ENDS,
     SLIP_RATE,
+    SPEED_TOLERANCE,
     SPIN,
     SPIN_SIGN,
     STATIC,
-    STILL,
     first_row_of,
     keep,
     least_slip,
@@ -114,21 +114,21 @@ def begin_bracket(system, grid, rates, late):
 
     After `level_at` at `late`; rates: those at the end of the step.
     """
-    touch = system.touch
-    bracket = np.full((touch.shape[0], EVENT_FUNCTION_KINDS + 1, 8), FREE)
-    for c in range(touch.shape[0]):
+    table = system.contact_table
+    bracket = np.full((table.shape[0], EVENT_FUNCTION_KINDS + 1, 8), FREE)
+    for c in range(table.shape[0]):
         bracket[c, EVENT_FUNCTION_KINDS, BEGIN], bracket[c, EVENT_FUNCTION_KINDS, END] = (
             grid.t0,
             grid.t1,
         )
         for k in range(EVENT_FUNCTION_KINDS):
-            bracket[c, k, EARLY] = touch[c, EVENT_FUNCTIONS_BEFORE + k]
-            bracket[c, k, BEGIN] = touch[c, EVENT_FUNCTIONS_BEFORE + k]
-            bracket[c, k, BEGIN + 1] = touch[c, EVENT_RATES_BEFORE + k]
+            bracket[c, k, EARLY] = table[c, EVENT_FUNCTIONS_BEFORE + k]
+            bracket[c, k, BEGIN] = table[c, EVENT_FUNCTIONS_BEFORE + k]
+            bracket[c, k, BEGIN + 1] = table[c, EVENT_RATES_BEFORE + k]
             if late == grid.t1:
-                bracket[c, k, END] = touch[c, EVENT_FUNCTIONS + k]
+                bracket[c, k, END] = table[c, EVENT_FUNCTIONS + k]
                 bracket[c, k, END + 1] = rates[c, k]
-        bracket[c, 0, EARLY + 1] = touch[c, GAP_RATE_BEFORE] / system.length
+        bracket[c, 0, EARLY + 1] = table[c, GAP_RATE_BEFORE] / system.length
     note_event_functions(system, bracket, True)
     return bracket
 
@@ -136,11 +136,11 @@ def begin_bracket(system, grid, rates, late):
 @inline
 def note_event_functions(system, bracket, late):
     """The event functions as they are in the table of contacts, into one side of the bracket."""
-    touch, side = system.touch, LATE if late else EARLY
-    for c in range(touch.shape[0]):
+    table, side = system.contact_table, LATE if late else EARLY
+    for c in range(table.shape[0]):
         for k in range(EVENT_FUNCTION_KINDS):
-            bracket[c, k, side] = touch[c, EVENT_FUNCTIONS + k]
-        bracket[c, 0, side + 1] = touch[c, GAP_RATE] / system.length
+            bracket[c, k, side] = table[c, EVENT_FUNCTIONS + k]
+        bracket[c, 0, side + 1] = table[c, GAP_RATE] / system.length
 
 
 @inline
@@ -188,7 +188,7 @@ def first_crossing(system, bracket, early, late):
     vanished."""
     first, slope = late, 0.0
     for c in range(bracket.shape[0]):
-        flies = in_rigid_flight(system.touch, c)
+        flies = in_rigid_flight(system.contact_table, c)
         for k in range(EVENT_FUNCTION_KINDS):
             if bracket[c, k, LATE] < 0.0:
                 t, rate = crossing(
@@ -251,14 +251,14 @@ round a smaller angle has its gap described by a cubic."""
 def add_low_digits(system, c):
     """Add to every gap what the low digits c of the positions make of it: of a gap much smaller
     than the coordinates that it is the difference of, they are digits that count."""
-    touch = system.touch
-    for i in range(touch.shape[0]):
-        n, k = vec(touch, i, NORMAL), first_row_of(system, i)
+    table = system.contact_table
+    for i in range(table.shape[0]):
+        n, k = vec(table, i, NORMAL), first_row_of(system, i)
         b, a = WIDTH * system.row_table[k, BODY], system.row_table[k, PARENT]
         low = (c[b], c[b + 1], c[b + 2])
         if a >= 0:
             low = sub(low, (c[WIDTH * a], c[WIDTH * a + 1], c[WIDTH * a + 2]))
-        touch[i, GAP] += dot(n, low)
+        table[i, GAP] += dot(n, low)
 
 
 @inline
@@ -449,8 +449,8 @@ def next_place(a, b, error, width, way, turn, flies):
 @inline
 def rate_of(system, t, y, i, k):
     """Rate of the k-th event function of contact i, whose value has been found at (t, y)."""
-    if in_rigid_flight(system.touch, i):
-        return system.touch[i, GAP_RATE] / system.length
+    if in_rigid_flight(system.contact_table, i):
+        return system.contact_table[i, GAP_RATE] / system.length
     return level_rates(system, t, y)[i, k]
 
 
@@ -463,8 +463,8 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
     A slip takes more where it begins: its event function jumps there, from the direction that is
     kept to its own, and no shorter step would tell more of it.
     """
-    touch, top = system.touch, 1
-    flies = k == 0 and touch[i, CLOSED] == 0.0
+    table, top = system.contact_table, 1
+    flies = k == 0 and table[i, CLOSED] == 0.0
     spin = fastest_spin(system, grid, i) if flies else 0.0
     for _ in range(ROUNDS):
         if top == 0:
@@ -483,13 +483,13 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
             top += 1
             break
         level_at(method, system, grid, t, work, y, c)
-        level = touch[i, EVENT_FUNCTIONS + k]
+        level = table[i, EVENT_FUNCTIONS + k]
         if level < -COMPUTED_ROUNDING:
             return t, t
         rate = rate_of(system, t, y, i, k)
         error = measured(a[1], a[2], b[1], b[2], width, s, level, rate)
-        n = normal_on_parent(system, y, i, vec(touch, i, NORMAL))
-        middle = (t, level, rate, touch[i, FASTEST], n[0], n[1], n[2])
+        n = normal_on_parent(system, y, i, vec(table, i, NORMAL))
+        middle = (t, level, rate, table[i, FASTEST], n[0], n[1], n[2])
         top = put_span(spans, top, middle, b, 2.0 * error * (1.0 - s) ** 4)
         top = put_span(spans, top, a, middle, 2.0 * error * s**4)
     return grid.t1, spans[top - 1, 0] if flies and top > 0 else grid.t1
@@ -498,9 +498,9 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
 @inline
 def first_that_may_dip(system, grid, rates):
     """Number of the first event function, in the order of the contacts, that may dip; -1: none."""
-    for i in range(system.touch.shape[0]):
+    for i in range(system.contact_table.shape[0]):
         for k in range(EVENT_FUNCTION_KINDS):
-            if may_dip(system, grid, system.touch, rates, i, k):
+            if may_dip(system, grid, system.contact_table, rates, i, k):
                 return i * EVENT_FUNCTION_KINDS + k
     return -1
 
@@ -513,12 +513,12 @@ def first_dip(method, system, grid, rates, work, y, c):
     After `lowest_level` at t1 and `level_rates`, which has given `rates`; the tables are those of
     t1 again where nothing is found.
     """
-    touch, earliest, searched = system.touch, grid.t1, grid.t1
+    table, earliest, searched = system.contact_table, grid.t1, grid.t1
     first = first_that_may_dip(system, grid, rates)
     if first < 0:
         return earliest, searched
-    ends, spans = touch.copy(), np.empty((DEPTH, 2 * END_SIZE + 1))
-    for at in range(first, touch.shape[0] * EVENT_FUNCTION_KINDS):
+    ends, spans = table.copy(), np.empty((DEPTH, 2 * END_SIZE + 1))
+    for at in range(first, table.shape[0] * EVENT_FUNCTION_KINDS):
         i, k = at // EVENT_FUNCTION_KINDS, at % EVENT_FUNCTION_KINDS
         if at > first and not may_dip(system, grid, ends, rates, i, k):
             continue
@@ -534,9 +534,9 @@ def first_dip(method, system, grid, rates, work, y, c):
         earliest, searched = min(earliest, dip), min(searched, upto)
     if earliest == grid.t1:
         level_of(system, grid.t1, grid.y1, grid.c1)
-        for i in range(touch.shape[0]):
-            for j in range(touch.shape[1]):
-                touch[i, j] = ends[i, j]
+        for i in range(table.shape[0]):
+            for j in range(table.shape[1]):
+                table[i, j] = ends[i, j]
     return earliest, searched
 
 
@@ -549,49 +549,49 @@ def look_ahead(system, rates):
 
     After `lowest_level` and, with the rates that it has found, `level_rates`.
     """
-    touch = system.touch
-    for c in range(touch.shape[0]):
+    table = system.contact_table
+    for c in range(table.shape[0]):
         for i in range(EVENT_FUNCTION_KINDS):
-            touch[c, EVENT_FUNCTIONS_BEFORE + i] = touch[c, EVENT_FUNCTIONS + i]
-            touch[c, EVENT_RATES_BEFORE + i] = rates[c, i]
-        touch[c, GAP_RATE_BEFORE], touch[c, GAP_BEFORE] = touch[c, GAP_RATE], touch[c, GAP]
-        touch[c, FASTEST_BEFORE] = touch[c, FASTEST]
-        keep(touch, c, NORMAL_BEFORE, vec(touch, c, NORMAL))
+            table[c, EVENT_FUNCTIONS_BEFORE + i] = table[c, EVENT_FUNCTIONS + i]
+            table[c, EVENT_RATES_BEFORE + i] = rates[c, i]
+        table[c, GAP_RATE_BEFORE], table[c, GAP_BEFORE] = table[c, GAP_RATE], table[c, GAP]
+        table[c, FASTEST_BEFORE] = table[c, FASTEST]
+        keep(table, c, NORMAL_BEFORE, vec(table, c, NORMAL))
         note_directions(system, c)
         note_creep(system, c)
-        note_lean(touch, c)
+        note_lean(table, c)
 
 
 @inline
 def note_directions(system, c):
     """Directions of slip and turning, and the event functions along them."""
-    touch, before, slopes = system.touch, EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE
-    slip, roll = vec(touch, c, SLIP), rolling(touch, c)
-    note_direction(touch, c, SLIP_DIRECTION, slip, least_slip(system, c))
-    about = dot(vec(touch, c, RELATIVE_SPIN), vec(touch, c, NORMAL))
+    table, before, slopes = system.contact_table, EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE
+    slip, roll = vec(table, c, SLIP), rolling(table, c)
+    note_direction(table, c, SLIP_DIRECTION, slip, least_slip(system, c))
+    about = dot(vec(table, c, RELATIVE_SPIN), vec(table, c, NORMAL))
     velocity_tolerance = system.velocity_tolerance / system.length
-    note_direction(touch, c, ROLL_DIRECTION, roll, velocity_tolerance)
-    if slides_with_friction(touch, c):
-        touch[c, before + AT_SLIP] = slip_level(system, c, slip)
-        touch[c, slopes + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP_RATE))
-    if touch[c, CLOSED] == 1.0 and touch[c, ROLL] == SLIDING:
-        touch[c, before + AT_ROLL] = roll_level(system, c, roll)
-        touch[c, slopes + AT_ROLL] = roll_level(system, c, vec(touch, c, ROLL_RATE))
+    note_direction(table, c, ROLL_DIRECTION, roll, velocity_tolerance)
+    if slides_with_friction(table, c):
+        table[c, before + AT_SLIP] = slip_level(system, c, slip)
+        table[c, slopes + AT_SLIP] = slip_level(system, c, vec(table, c, SLIP_RATE))
+    if table[c, CLOSED] == 1.0 and table[c, ROLL] == SLIDING:
+        table[c, before + AT_ROLL] = roll_level(system, c, roll)
+        table[c, slopes + AT_ROLL] = roll_level(system, c, vec(table, c, ROLL_RATE))
     if abs(about) > velocity_tolerance:
         ahead = 1.0 if about > 0.0 else -1.0
-        if touch[c, CLOSED] == 1.0 and touch[c, SPIN] == SLIDING and ahead != touch[c, SPIN_SIGN]:
-            touch[c, before + AT_SPIN] = -touch[c, before + AT_SPIN]
-            touch[c, slopes + AT_SPIN] = -touch[c, slopes + AT_SPIN]
-        touch[c, SPIN_SIGN] = ahead
+        if table[c, CLOSED] == 1.0 and table[c, SPIN] == SLIDING and ahead != table[c, SPIN_SIGN]:
+            table[c, before + AT_SPIN] = -table[c, before + AT_SPIN]
+            table[c, slopes + AT_SPIN] = -table[c, slopes + AT_SPIN]
+        table[c, SPIN_SIGN] = ahead
 
 
 @inline
-def note_direction(touch, c, at, a, velocity_tolerance):
+def note_direction(table, c, at, a, velocity_tolerance):
     """Keep the unit vector of `a` in the table from column `at` on; below `velocity_tolerance` the
     one before stays."""
     size = norm(a)
     if size > velocity_tolerance:
-        keep(touch, c, at, scale(1.0 / size, a))
+        keep(table, c, at, scale(1.0 / size, a))
 
 
 # Slips on rigid supports, too slow for steps to tell where they go: friction goes on as before.
@@ -631,10 +631,10 @@ def speed_of(y, b, arms):
 
 
 @inline
-def note_rounded_leans(touch, kept, t):
+def note_rounded_leans(table, kept, t):
     """Note how far rounding turns the leans of rims that hardly miss flat, in the step from t."""
-    for c in range(touch.shape[0]):
-        turned = turned_by_rounding(touch, c)
+    for c in range(table.shape[0]):
+        turned = turned_by_rounding(table, c)
         if turned > kept[c, ROUNDED]:
             kept[c, ROUNDED], kept[c, ROUNDED_TIME] = turned, t
 
@@ -645,21 +645,21 @@ def note_slow_slips(system, kept, arms, grid):
 
     After the levels at its end, before what the next one starts from is noted.
     """
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        slip = vec(touch, c, SLIP)
+    table = system.contact_table
+    for c in range(table.shape[0]):
+        slip = vec(table, c, SLIP)
         size = norm(slip)
         followed = size > system.velocity_tolerance or may_creep(system, c)
-        if not slides_with_friction(touch, c) or followed or size <= STILL * system.speed:
+        if not slides_with_friction(table, c) or followed or size <= SPEED_TOLERANCE * system.speed:
             kept[c, PUSHED] = kept[c, NOT_TAKEN] = 0.0
             continue
         b = lighter(system, c)
-        mass, push = system.bodies[b, MASS], touch[c, KINETIC] * touch[c, NORMAL_FORCE]
+        mass, friction = system.bodies[b, MASS], table[c, KINETIC] * table[c, NORMAL_FORCE]
         if kept[c, PUSHED] == 0.0:
             kept[c, BEGAN] = speed_of(grid.y0, b, arms)
-        turn = norm(sub(scale(1.0 / size, slip), vec(touch, c, SLIP_DIRECTION)))
-        kept[c, PUSHED] += push * (grid.t1 - grid.t0)
-        kept[c, NOT_TAKEN] += push * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
+        turn = norm(sub(scale(1.0 / size, slip), vec(table, c, SLIP_DIRECTION)))
+        kept[c, PUSHED] += friction * (grid.t1 - grid.t0)
+        kept[c, NOT_TAKEN] += friction * (grid.t1 - grid.t0) * size * 0.5 * turn * turn
         if kept[c, PUSHED] > LASTING * mass * system.velocity_tolerance:
             speed = (2.0 * kept[c, NOT_TAKEN] / mass) ** 0.5
             share = speed / kept[c, BEGAN] if kept[c, BEGAN] > speed else 1.0
@@ -827,10 +827,10 @@ def next_event(method, system, grid, work, kept, arms):
 @inline
 def nearly_stopped(system):
     """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
-    for c in range(system.touch.shape[0]):
-        if system.touch[c, CLOSED] == 1.0 and system.touch[c, SLIDE] == SLIDING:
-            slip = norm(vec(system.touch, c, SLIP))
-            if system.touch[c, STATIC] > 0.0 and slip < STILL * system.speed:
+    for c in range(system.contact_table.shape[0]):
+        if system.contact_table[c, CLOSED] == 1.0 and system.contact_table[c, SLIDE] == SLIDING:
+            slip = norm(vec(system.contact_table, c, SLIP))
+            if system.contact_table[c, STATIC] > 0.0 and slip < SPEED_TOLERANCE * system.speed:
                 return EVENT_KINDS * c + SLIP_ENDS
     return -1
 

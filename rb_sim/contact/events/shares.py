@@ -96,24 +96,24 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     """By how much other shares than y change the accelerations within all bounds, relative to the
     largest that the loads or the reactions make; a turn counts by the scene's length."""
     workspace = at.workspace
-    push = at.inverse_mass @ workspace.W[reactions.held].T
+    responses = at.inverse_mass @ workspace.W[reactions.held].T
     weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(workspace.free_accelerations) // 6)
-    terms = weights * (np.abs(push) @ np.abs(reactions.least))
-    size, ways = np.linalg.svd(weights[:, None] * (push @ reactions.self_stress))[1:]
+    terms = weights * (np.abs(responses) @ np.abs(reactions.least))
+    size, ways = np.linalg.svd(weights[:, None] * (responses @ reactions.self_stress))[1:]
     if not size[0] > OPEN * terms.max():
         return 0.0
     far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
     if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
         return 0.0
-    own = push @ reactions.least, workspace.free_accelerations / reactions.unit
+    own = responses @ reactions.least, workspace.free_accelerations / reactions.unit
     return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
 
 
 def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> None:
     """Keep how much the shares y of the load leave open, if it is the most of a run."""
-    touch = at.system.touch
+    table = at.system.contact_table
     slides_with_friction = (
-        (touch[:, CLOSED] == 1.0) & (touch[:, SLIDE] == SLIDING) & (touch[:, STATIC] > 0.0)
+        (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
     )
     if slides_with_friction.any():
         figure = open_in(at, reactions, cones, y)
@@ -217,7 +217,7 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     """The bounds of all contacts that hold, each measured as a normal force, on y."""
     from rb_sim.numerics.cone_program import Cones
 
-    touch, where = at.system.touch, {k: i for i, k in enumerate(reactions.held)}
+    table, where = at.system.contact_table, {k: i for i, k in enumerate(reactions.held)}
     x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]
     linear, round_ = [], []
 
@@ -225,29 +225,29 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
         return float(x[where[k]]), z[where[k]]
 
     for c, law in enumerate(at.laws):
-        if touch[c, CLOSED] == 0.0:
+        if table[c, CLOSED] == 0.0:
             continue
         k = at.first[c]
         if law.compliant:
-            push = float(touch[c, SPRING]) / reactions.unit, np.zeros(freedom)
+            normal = float(table[c, SPRING]) / reactions.unit, np.zeros(freedom)
         else:
-            side = float(touch[c, NORMAL_SIGN]) if law.bilateral else 1.0
-            push = side * line(k)[0], side * line(k)[1]
-            linear += [] if law.bilateral else [push]
+            side = float(table[c, NORMAL_SIGN]) if law.bilateral else 1.0
+            normal = side * line(k)[0], side * line(k)[1]
+            linear += [] if law.bilateral else [normal]
         for mode, bound, tails in (
             (SLIDE, law.static, (k + 1, k + 2)),
             (ROLL, law.rolling_arm, (k + 3, k + 4)),
         ):
-            if touch[c, mode] == STUCK and math.isfinite(bound):
+            if table[c, mode] == STUCK and math.isfinite(bound):
                 h, g = zip(
-                    push, *((v / bound, w / bound) for v, w in map(line, tails)), strict=True
+                    normal, *((v / bound, w / bound) for v, w in map(line, tails)), strict=True
                 )
                 round_.append((h, g))
-        if touch[c, SPIN] == STUCK:
+        if table[c, SPIN] == STUCK:
             v, w = line(k + 5)
             for sign in (1.0, -1.0):
                 s = sign / law.spinning_arm
-                linear.append((push[0] + s * v, push[1] + s * w))
+                linear.append((normal[0] + s * v, normal[1] + s * w))
     return Cones(
         np.array([h for h, _ in linear]),
         np.array([g for _, g in linear]).reshape(-1, freedom),
@@ -309,18 +309,18 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     laws = compiled.contact_laws
     if not laws or len(laws) > MOST_CONTACTS:
         return compiled.indeterminate
-    system = compiled.system._replace(touch=compiled.system.touch.copy())
+    system = compiled.system._replace(contact_table=compiled.system.contact_table.copy())
     y, call = np.array(compiled.y), Tasks(system)
     try:
         choose_modes(Instant(laws, call, 0.0, y))
     except SimulationError:  # jams at once: nothing is known of its forces
         return compiled.indeterminate
     call(WRITE, 0.0, y)
-    pushes = spread(system, system.force_rows)
-    holding = np.flatnonzero(np.abs(pushes).any(axis=1))
+    directions = spread(system, system.force_rows)
+    holding = np.flatnonzero(np.abs(directions).any(axis=1))
     if not len(holding):
         return compiled.indeterminate
-    W = pushes[holding]
+    W = directions[holding]
     values, vectors = eigenvalues(W @ inverse_mass(system) @ W.T, "the reactions at the start")
     free = vectors[:, values <= JUDGED_BY_CONTACT * values[-1]]
     part = np.searchsorted(system.first_row, holding, side="right") - 1

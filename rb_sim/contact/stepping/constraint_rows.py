@@ -17,8 +17,8 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.constraints.rows import RATE
 from rb_sim.contact.contact_graph import (
     BOUND,
+    COMPLIANCE,
     CONTACT_ROWS,
-    GIVE,
     LIGHT_A,
     LIGHT_B,
     PULLS,
@@ -27,7 +27,7 @@ from rb_sim.contact.contact_graph import (
     TURN_A,
     TURN_B,
     VISCOUS,
-    VISCOUS_PER_PUSH,
+    VISCOUS_PER_NORMAL,
     Graph,
     rate_of,
 )
@@ -152,23 +152,23 @@ def write_rules(
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
     stuck = slides == STUCK if slides >= 0.0 else slip <= SOLVED * scales[1]
-    rules[i, PULLS], rules[i, GIVE] = laws[c, BILATERAL], 0.0
+    rules[i, PULLS], rules[i, COMPLIANCE] = laws[c, BILATERAL], 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING_ARM], laws[c, SPINNING_ARM]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
         slip = max(slip, SOLVED * scales[1])
         own = part(pointer(constants), int(laws[c, FIRST_CONSTANT]))
         law = addresses[int(laws[c, TRACTION])]
-        per_push, alone = traction_at(law, slip, own, pointer(scratch))
-        rules[i, VISCOUS_PER_PUSH], rules[i, VISCOUS] = per_push / slip, h * alone / slip
+        per_normal, alone = traction_at(law, slip, own, pointer(scratch))
+        rules[i, VISCOUS_PER_NORMAL], rules[i, VISCOUS] = per_normal / slip, h * alone / slip
         if laws[c, STATIC] == 0.0:
             strikes = is_impact(1.0, before - bend, now - bend)  # as in problem.impacts
-            rules[i, BOUND] = per_push if per_push > 0.0 and strikes else -1.0
+            rules[i, BOUND] = per_normal if per_normal > 0.0 and strikes else -1.0
         elif not stuck:
-            rules[i, BOUND] = per_push
+            rules[i, BOUND] = per_normal
     if laws[c, COMPLIANT] == 1.0:
         stiff = h * laws[c, STIFFNESS] + laws[c, DAMPING]
-        rules[i, GIVE] = 1.0 / (h * stiff)
+        rules[i, COMPLIANCE] = 1.0 / (h * stiff)
         targets[k] -= laws[c, STIFFNESS] * gap / stiff
     elif is_impact(laws[c, RESTITUTION], before - bend, now - bend):
         targets[k] -= laws[c, RESTITUTION] * (before - bend)

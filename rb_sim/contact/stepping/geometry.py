@@ -90,7 +90,7 @@ def spot_at(tables, scratch, e, t, B, A, out):
 
 
 @inline
-def pushed(memory, c):
+def had_impulse(memory, c):
     """True if a normal impulse of the step acted at point c."""
     return memory[c, AIM] != 0.0 or memory[c, AIM + 1] != 0.0 or memory[c, AIM + 2] != 0.0
 
@@ -113,7 +113,7 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
             place = unrotate(B.q_WB, sub(p, B.p_WC))
             best, slot = near * near, -1
             for c in range(8):
-                if taken[c, 0] == 1.0 or (turn == 1 and pushed(memory, first + c)):
+                if taken[c, 0] == 1.0 or (turn == 1 and had_impulse(memory, first + c)):
                     continue  # an impulse of this step is still to be told
                 if turn == 1:
                     slot = c
@@ -147,7 +147,12 @@ def find_spots(tables, memory, spots, workspace, scratch, t, y, reach, again):
     s, entries = tables.sizes, tables.entries
     for e in range(entries.shape[0]):
         c = entries[e, FIRST]
-        if again and entries[e, RESTS] == 1 and spots[c, GAP] > reach and not pushed(memory, c):
+        if (
+            again
+            and entries[e, RESTS] == 1
+            and spots[c, GAP] > reach
+            and not had_impulse(memory, c)
+        ):
             continue
         B, A = state_of(y, entries[e, BODY]), state_of(y, entries[e, PARENT])
         if entries[e, LAW] != BOXES:

@@ -37,7 +37,7 @@ from rb_sim.contact.contact_graph import (
     LIGHT_B,
     TURN_A,
     TURN_B,
-    push,
+    add_impulse,
     rate_of,
 )
 from rb_sim.contact.gauss_seidel import (
@@ -275,24 +275,24 @@ def keep_impulses(tables, memory, workspace, y, n, h):
 # Newton's restitution along the normal and Coulomb's friction across it may together give more
 # energy than the impact has taken (Kane and Levinson 1985): friction works on the mean of the slips
 # before and after, which point in different directions.  There Poisson's law holds, as in
-# `events.impulses`: the push is 1 + e times what it is without a rebound; and none rebounds if that
-# gives energy too. Energy is that of the whole impact of a body: of several corners that strike at
-# once some may gain what others lose.
+# `events.impulses`: the normal impulse is 1 + e times what it is without a rebound; and none
+# rebounds if that # gives energy too. Energy is that of the whole impact of a body: of several
+# corners that strike at # once some may gain what others lose.
 
 
 SECANTS = 3
-"""Steps towards the rebound at which the push is Poisson's, which grows with it in straight
+"""Steps towards the rebound at which the impulse is Poisson's, which grows with it in straight
 pieces."""
 GAINS = 1e-5
 """Work of an impact, over impulse times speed of rebound, that creates energy; below is what the
 solvers leave of it (1e-6 where the corners of a box press against each other by friction)."""
-PUSH, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
-"""Of a rebound that creates energy: its push [N s] and speed [m/s] at the last try, the push
+LAST, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
+"""Of a rebound that creates energy: its impulse [N s] and speed [m/s] at the last try, the impulse
 without a rebound, and Newton's speed; 0 of others."""
 
 
 @inline
-def still_of(workspace, i, c):
+def velocity_tolerance_of(workspace, i, c):
     """Speed along the normal of contact i, point c, at which its surfaces stay together."""
     return dot(vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, MOVES))
 
@@ -305,10 +305,11 @@ def bounces(tables, c):
 
 @inline
 def made_in(workspace, y, i, c):
-    """(energy that friction makes at contact i, which is point c [J], that which its push makes
-    [J], what its rebound takes [J]) in an impact; zeros where it does not rebound. y: before it."""
+    """(energy that friction makes at contact i, which is point c [J], that which its normal
+    impulse makes [J], what its rebound takes [J]) in an impact; zeros where it does not rebound.
+    y: before it."""
     b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], CONTACT_ROWS * i, 0.0
-    rebound = workspace.targets[k] - still_of(workspace, i, c)
+    rebound = workspace.targets[k] - velocity_tolerance_of(workspace, i, c)
     if not rebound > 0.0 or not workspace.x[k] > 0.0:
         return 0.0, 0.0, 0.0
     for j in range(1, CONTACT_ROWS):
@@ -318,13 +319,13 @@ def made_in(workspace, y, i, c):
             )
             across += workspace.x[k + j] * (0.5 * mean - workspace.targets[k + j])
     mean = speed_at(workspace.rows, k, y, b, a) + rate_of(workspace.rows, k, workspace.u, b, a)
-    along = workspace.x[k] * (0.5 * mean - still_of(workspace, i, c))
+    along = workspace.x[k] * (0.5 * mean - velocity_tolerance_of(workspace, i, c))
     return across, along, workspace.x[k] * rebound
 
 
 @inline
 def creates(across, along, taken):
-    """Whether friction makes energy that the push does not take."""
+    """Whether friction makes energy that the normal impulse does not take."""
     return across > 0.0 and across + along > GAINS * taken
 
 
@@ -348,7 +349,9 @@ def some_rebound(tables, workspace, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
         c = workspace.active[i]
-        if bounces(tables, c) and workspace.targets[CONTACT_ROWS * i] > still_of(workspace, i, c):
+        if bounces(tables, c) and workspace.targets[CONTACT_ROWS * i] > velocity_tolerance_of(
+            workspace, i, c
+        ):
             return True
     return False
 
@@ -367,32 +370,32 @@ def note_gains(tables, workspace, y, n, found):
         found[i, WHOLE] = 0.0
         across, along, taken = made_in(workspace, y, i, c)
         if bounces(tables, c) and creates(across, along, taken) and gains(total, workspace, i):
-            whole = workspace.targets[k] - still_of(workspace, i, c)
-            found[i, PUSH], found[i, SPEED], found[i, WHOLE] = workspace.x[k], whole, whole
+            whole = workspace.targets[k] - velocity_tolerance_of(workspace, i, c)
+            found[i, LAST], found[i, SPEED], found[i, WHOLE] = workspace.x[k], whole, whole
             workspace.targets[k] -= whole
             count += 1
     return count
 
 
 @inline
-def note_pushes(workspace, n, found, at):
-    """Note the pushes: those WITHOUT a rebound, or as PUSH those of the last try."""
+def note_impulses(workspace, n, found, at):
+    """Note the normal impulses: those WITHOUT a rebound, or as LAST those of the last try."""
     for i in range(n):
         found[i, at] = workspace.x[CONTACT_ROWS * i]
 
 
 @inline
 def aim_at_poisson(tables, workspace, n, found):
-    """Rebounds at which pushes would be 1 + e times those without, by the last try."""
+    """Rebounds at which impulses would be 1 + e times those without, by the last try."""
     for i in range(n):
         c, k = workspace.active[i], CONTACT_ROWS * i
         if found[i, WHOLE] == 0.0:
             continue
-        more = found[i, PUSH] - found[i, WITHOUT]
+        more = found[i, LAST] - found[i, WITHOUT]
         wanted = tables.laws[c, RESTITUTION] * found[i, WITHOUT]
         speed = found[i, SPEED] * wanted / more if more > 0.0 else 0.0
         found[i, SPEED] = min(speed, found[i, WHOLE])
-        workspace.targets[k] = still_of(workspace, i, c) + found[i, SPEED]
+        workspace.targets[k] = velocity_tolerance_of(workspace, i, c) + found[i, SPEED]
 
 
 @inline
@@ -567,12 +570,12 @@ def solve_without_gain(tables, workspace, graph, x, y):
     if note_gains(tables, workspace, y, n, found) == 0:
         return rest, made
     rest, more = solve_impulses(tables, workspace, graph, x, y)
-    note_pushes(workspace, n, found, WITHOUT)
+    note_impulses(workspace, n, found, WITHOUT)
     for _ in range(SECANTS):
         made += more
         aim_at_poisson(tables, workspace, n, found)
         rest, more = solve_impulses(tables, workspace, graph, x, y)
-        note_pushes(workspace, n, found, PUSH)
+        note_impulses(workspace, n, found, LAST)
     if note_gains(tables, workspace, y, n, found) > 0:
         made += more
         rest, more = solve_impulses(tables, workspace, graph, x, y)
@@ -592,11 +595,11 @@ def solve_step(tables, memory, workspace, y, h):
         fill_block(graph, i)
         for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + CONTACT_ROWS):
             if workspace.x[k] != 0.0:
-                push(
+                add_impulse(
                     workspace.rows, k, u, workspace.ends[i, 0], workspace.ends[i, 1], workspace.x[k]
                 )
     for k in range(tables.joints.shape[0]):
-        push(
+        add_impulse(
             workspace.joint_rows,
             k,
             u,

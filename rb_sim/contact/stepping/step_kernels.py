@@ -17,9 +17,9 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.spec import BodyState
-from rb_sim.contact.contact_graph import CONTACT_ROWS, coupled, push, rate_of
+from rb_sim.contact.contact_graph import CONTACT_ROWS, add_impulse, coupled, rate_of
 from rb_sim.contact.stepping.constraint_rows import write_row
-from rb_sim.contact.stepping.geometry import FAR, find_spots, note_ends, pushed, spot_at
+from rb_sim.contact.stepping.geometry import FAR, find_spots, had_impulse, note_ends, spot_at
 from rb_sim.contact.stepping.scene_tables import (
     ARM,
     BODY,
@@ -62,8 +62,8 @@ from rb_sim.contact.stepping.step_workspace import (
     OPEN_OF,
     OPEN_OF_NOW,
     POINT,
-    PUSH_ROUNDS,
-    PUSH_SWEEPS,
+    SEPARATION_ROUNDS,
+    SEPARATION_SWEEPS,
     SHIFT_ROUNDS,
     SLIDE,
     TURNS_AT,
@@ -122,7 +122,7 @@ def near_normals(tables, workspace, y, margin):
 
 
 @inline
-def push_apart(tables, workspace, y):
+def separate(tables, workspace, y):
     """One round: the least displacements (by mass) after which no gap is negative, to first order.
 
     After the spots at y have been found.  True once nothing overlaps.
@@ -134,14 +134,14 @@ def push_apart(tables, workspace, y):
     for i in range(shift.shape[0]):
         for j in range(6):
             shift[i, j] = 0.0
-    for made in range(PUSH_SWEEPS):
+    for made in range(SEPARATION_SWEEPS):
         change, largest = 0.0, 0.0
         for turn in range(n):
             i = turn if made % 2 == 0 else n - 1 - turn
             k, b, a = CONTACT_ROWS * i, workspace.ends[i, 0], workspace.ends[i, 1]
             missing = workspace.targets[k] - rate_of(workspace.rows, k, shift, b, a)
             value = max(0.0, workspace.x[k] + missing / workspace.blocks[i, 0])
-            push(workspace.rows, k, shift, b, a, value - workspace.x[k])
+            add_impulse(workspace.rows, k, shift, b, a, value - workspace.x[k])
             change, largest = max(change, abs(value - workspace.x[k])), max(largest, value)
             workspace.x[k] = value
         if change <= SOLVED * largest:
@@ -154,7 +154,7 @@ def push_apart(tables, workspace, y):
 @inline
 def shift_deepest(tables, workspace, y):
     """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
-    for the rounds of `push_apart` to converge.  True once nothing overlaps."""
+    for the rounds of `separate` to converge.  True once nothing overlaps."""
     deepest, c = deepest_overlap(tables, workspace)
     if deepest >= -COMPUTED_ROUNDING * tables.scales[0]:
         return True
@@ -218,9 +218,9 @@ def bears_more(tables, memory, c, more):
     if norm(aim) == 0.0:
         return False
     n = scale(1.0 / norm(aim), aim)
-    push = dot(total, n)
+    normal_impulse = dot(total, n)
     bound = min(tables.laws[c, STATIC], tables.laws[c, KINETIC])
-    return norm(sub(total, scale(push, n))) <= bound * push
+    return norm(sub(total, scale(normal_impulse, n))) <= bound * normal_impulse
 
 
 @inline
@@ -480,7 +480,7 @@ def note_aims(memory, workspace, t):
     """
     for c in range(memory.shape[0]):
         given = vec(memory, c, AIM)
-        if pushed(memory, c) and workspace.spots[c, GAP] < 1e299:
+        if had_impulse(memory, c) and workspace.spots[c, GAP] < 1e299:
             size = norm(given)
             wrong = norm(sub(scale(size, vec(workspace.spots, c, NORMAL)), given))
             if wrong > workspace.notes[ASTRAY]:
@@ -641,9 +641,9 @@ def one_part(tables, memory, workspace, t, y, h):
     to_middle(tables, memory, workspace, t, y, h)
     to_end(tables, memory, workspace, y, h)
     apart = False
-    for _ in range(PUSH_ROUNDS):
+    for _ in range(SEPARATION_ROUNDS):
         find_at_end(tables, memory, workspace, t + h, y, h)
-        apart = push_apart(tables, workspace, y)
+        apart = separate(tables, workspace, y)
         if apart:
             break
     for _ in range(SHIFT_ROUNDS):

@@ -51,7 +51,7 @@ been reached, and where it has not."""
 NEAR, NEAREST, MOVES_AT = 0.1, 1e-4, 0.01
 """Of what their loads could move bodies in a step, and of the scene's length: a gap between bodies
 that move which is left as it is; of the speed that loads give in a step, above which they move."""
-PUSH_ROUNDS, PUSH_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
+SEPARATION_ROUNDS, SEPARATION_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
 """Rounds of moving bodies apart, sweeps in each; rounds of shifting one pair alone after them."""
 GYROSCOPIC_ROUNDS = 12
 

@@ -166,7 +166,7 @@ LOOSE = Frame(0, Opcode.MESSAGE, b"")
 """Placeholder chunk of messages outside of chunks; it has no times to check."""
 
 
-def _as_said(times: np.ndarray, chunk: Frame) -> bool:
+def _within_declared_times(times: np.ndarray, chunk: Frame) -> bool:
     """Whether messages agree with the times and index of their chunk without checksum."""
     in_time = chunk.start <= int(times.min()) and int(times.max()) <= chunk.end
     return (in_time or chunk.end == 0) and len(times) >= count_entries(chunk.indices)
@@ -333,7 +333,7 @@ class BagScan(Frames):
         heads = rows_at(buffer, start, _MESSAGE.itemsize).reshape(-1).view(_MESSAGE)
         log_time = heads["log"].astype(np.int64)
         sequence = heads["sequence"].astype(np.int64)
-        if unchecked is not None and not _as_said(heads["log"], unchecked):
+        if unchecked is not None and not _within_declared_times(heads["log"], unchecked):
             raise ValueError("differs from the head of its chunk")
         start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize
         self._first = int(log_time.min() if self._first is None else min(self._first, log_time[0]))

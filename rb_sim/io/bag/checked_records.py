@@ -151,7 +151,7 @@ class Frame(NamedTuple):
     """number of bytes missing at the end of a truncated chunk."""
 
 
-def said_size(content: bytes) -> int | None:
+def declared_size(content: bytes) -> int | None:
     """Size of a chunk's content according to the lengths within it; None if it is not a chunk.
 
     content: the whole or its first LONGEST_HEAD bytes.
@@ -326,7 +326,7 @@ class Frames:
     def _open_chunk(self, at: int, length: int) -> tuple[str | None, Frame | None]:
         content = self._at(at + FRAME.size, min(length, self.size - at - FRAME.size))
         missing = length - len(content)
-        if len(content) < SHORTEST_HEAD or (missing and said_size(content) != length):
+        if len(content) < SHORTEST_HEAD or (missing and declared_size(content) != length):
             return (CUT_OFF if missing else NO_RECORD), None
         opened = open_chunk(at, content, missing=missing)
         if isinstance(opened, str):
@@ -342,10 +342,10 @@ class Frames:
         checksum, the right uncompressed size and a record behind it.
         """
         room = self.size - at - FRAME.size
-        said = said_size(self._at(at + FRAME.size, LONGEST_HEAD))
-        if said == length:
+        declared = declared_size(self._at(at + FRAME.size, LONGEST_HEAD))
+        if declared == length:
             return length
-        for size in (said or 0, length):
+        for size in (declared or 0, length):
             if not SHORTEST_HEAD <= size <= room:
                 continue
             opened = open_chunk(at, self._at(at + FRAME.size, size))
@@ -435,7 +435,7 @@ class Frames:
         fits = length <= self.size - content
         if opcode == Opcode.CHUNK:
             return (fits or not self.complete) and (
-                said_size(self._at(content, LONGEST_HEAD)) == length
+                declared_size(self._at(content, LONGEST_HEAD)) == length
             )
         if not fits:
             return False

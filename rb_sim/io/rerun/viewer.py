@@ -252,9 +252,9 @@ def show(recording: Path) -> None:
         raise SinkError("no screen for the Rerun viewer: use --save or --screenshot")
     viewer = [rerun_executable(), str(recording), "--bind", LOCAL, "--port", "auto"]
     with viewer_process(viewer, stderr=subprocess.PIPE, text=True) as process:
-        _, said = process.communicate()
+        _, messages = process.communicate()
     if process.returncode:
-        lines = [line.strip() for line in said.splitlines() if "rror:" in line]
+        lines = [line.strip() for line in messages.splitlines() if "rror:" in line]
         reason = lines[-1] if lines else f"it ended with code {process.returncode}"
         raise SinkError(f"the Rerun viewer did not open: {reason}")
 

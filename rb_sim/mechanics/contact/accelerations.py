@@ -20,6 +20,7 @@ from rb_sim.catalogue.constraints.rows import BIAS
 from rb_sim.integrate.layout import PackedSystem, address
 from rb_sim.mechanics.contact.constraint_tables import load_effects, write_all_rows
 from rb_sim.mechanics.contact.contact_bodies import (
+    ACTIVE,
     AMONG_ROWS,
     AT_SLIP,
     CLOSED,
@@ -31,7 +32,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     EVENT_FUNCTIONS_BEFORE,
     EVENT_RATES_BEFORE,
     FREE,
-    HOLDS,
     MOST_RANK,
     NORMAL_FORCE,
     NOWHERE,
@@ -55,19 +55,19 @@ from rb_sim.mechanics.systems.many_bodies import (
     MULTIPLIERS,
     ORDER,
     PARENT,
-    PUSH,
+    RESPONSE,
     RIGHT,
     add_load,
     state_of,
     vec,
 )
 from rb_sim.mechanics.systems.multibody import (
-    add_push,
+    add_response,
     clear_loads,
     coupling,
     free_accelerations,
     rise_of,
-    row_times_push,
+    row_times_response,
 )
 from rb_sim.mechanics.systems.multibody import inverse_mass_times as inverse_mass_row
 from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
@@ -96,57 +96,57 @@ then come to rest [m/s]."""
 
 
 @inline
-def slides_with_friction(touch, c):
+def slides_with_friction(table, c):
     """True of a contact that slips against Coulomb's friction."""
-    return touch[c, CLOSED] == 1.0 and touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0
+    return table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING and table[c, STATIC] > 0.0
 
 
 @inline
-def slides_on_what_gives(touch, c):
+def slides_on_compliant(table, c):
     """True of one that rubs and gives way."""
-    return slides_with_friction(touch, c) and touch[c, COMPLIANT] == 1.0
+    return slides_with_friction(table, c) and table[c, COMPLIANT] == 1.0
 
 
 @inline
 def note_creep(system, c):
     """Whether contact c creeps in the next step; after its directions have been noted."""
-    touch, creep = system.touch, system.creep
-    slip = norm(vec(touch, c, SLIP))
-    if not slides_on_what_gives(touch, c) or slip > LEAVES * creep or creep == 0.0:
-        touch[c, CREEPS] = 0.0
+    table, creep = system.contact_table, system.creep
+    slip = norm(vec(table, c, SLIP))
+    if not slides_on_compliant(table, c) or slip > LEAVES * creep or creep == 0.0:
+        table[c, CREEPS] = 0.0
         return
     if slip > creep:
-        if touch[c, CREEPS] == 0.0:
+        if table[c, CREEPS] == 0.0:
             return
-        touch[c, CREEPS] = RESTS * creep
-    elif touch[c, CREEPS] == 0.0:
-        touch[c, CREEPS] = SOON * creep if slip > BEGUN * creep else NEVER
-    keep(touch, c, SLIP_DIRECTION, (0.0, 0.0, 0.0))
-    touch[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP], touch[c, EVENT_RATES_BEFORE + AT_SLIP] = FREE, 0.0
+        table[c, CREEPS] = RESTS * creep
+    elif table[c, CREEPS] == 0.0:
+        table[c, CREEPS] = SOON * creep if slip > BEGUN * creep else NEVER
+    keep(table, c, SLIP_DIRECTION, (0.0, 0.0, 0.0))
+    table[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP], table[c, EVENT_RATES_BEFORE + AT_SLIP] = FREE, 0.0
 
 
 @inline
 def fastest_creep(system):
     """(fastest slip of the contacts that creep, the least below which one may come to rest, the
     first of them; -1: none creeps)."""
-    touch, most, bound, first = system.touch, 0.0, FREE, -1
-    for c in range(touch.shape[0]):
-        if touch[c, CREEPS] > 0.0 and slides_on_what_gives(touch, c):
+    table, most, bound, first = system.contact_table, 0.0, FREE, -1
+    for c in range(table.shape[0]):
+        if table[c, CREEPS] > 0.0 and slides_on_compliant(table, c):
             first = c if first < 0 else first
-            most = max(most, norm(vec(touch, c, SLIP)))
-            bound = min(bound, touch[c, CREEPS])
+            most = max(most, norm(vec(table, c, SLIP)))
+            bound = min(bound, table[c, CREEPS])
     return most, bound, first
 
 
 @inline
 def add_direct(system, y):
     """Add the forces of the contacts that do not wait for N to the loads."""
-    touch = system.touch
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 0.0:
+    table = system.contact_table
+    for c in range(table.shape[0]):
+        if table[c, CLOSED] == 0.0:
             continue
         k = first_row_of(system, c)
-        f, m, p = vec(touch, c, DIRECT), vec(touch, c, DIRECT_TORQUE), vec(touch, c, POINT)
+        f, m, p = vec(table, c, DIRECT), vec(table, c, DIRECT_TORQUE), vec(table, c, POINT)
         b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
         B = state_of(y, b)
         add_load(system.bodies, b, f, torque_of(B, sub(p, B.p_WC), f, m))
@@ -156,8 +156,8 @@ def add_direct(system, y):
 
 
 @inline
-def push_of(system, i, j, column):
-    """M_i^-1 of the push of row j on body i, whose columns start at `column`."""
+def response_of(system, i, j, column):
+    """M_i^-1 of the force of row j on body i, whose columns start at `column`."""
     force = scale(1.0 / system.bodies[i, 0], vec(system.force_rows, j, column))
     s = system.bodies
     k = vec(system.force_rows, j, column + 3)
@@ -183,24 +183,24 @@ def find_holding(system, dependent):
         for j in range(12):
             size += abs(system.rows[k, j])
         if size > 0.0:
-            system.row_table[holding, HOLDS] = k
+            system.row_table[holding, ACTIVE] = k
             holding += 1
     return holding
 
 
 @inline
-def fill_pushed_matrix(system, holding):
+def fill_slipping_matrix(system, holding):
     """A = G M^-1 W^T of the rows that hold."""
     row_table = system.row_table
     for n in range(holding):
-        j = row_table[n, HOLDS]
+        j = row_table[n, ACTIVE]
         b, a = row_table[j, BODY], row_table[j, PARENT]
-        fb, kb = push_of(system, b, j, 0)
+        fb, kb = response_of(system, b, j, 0)
         fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         if a >= 0:
-            fa, ka = push_of(system, a, j, 6)
+            fa, ka = response_of(system, a, j, 6)
         for m in range(holding):
-            i = row_table[m, HOLDS]
+            i = row_table[m, ACTIVE]
             system.delassus[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
 
 
@@ -213,13 +213,13 @@ def spread_multipliers(system, holding):
     for m in range(holding - 1, -1, -1):
         value = x[m]
         x[m] = 0.0
-        x[system.row_table[m, HOLDS]] = value
+        x[system.row_table[m, ACTIVE]] = value
 
 
 @inline
 def joints_share(system, joints, at, column):
     """What the joints take of the rise at contact row `at` (counted among those that hold) per
-    unit of push: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the push along the row
+    unit of force: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the force along the row
     itself."""
     A, spare = system.delassus[0], system.delassus[1]
     b, x = spare[joints], spare[joints + 1]
@@ -237,21 +237,21 @@ def pivots(system, holding):
     """N of every contact, and the effective over the ideal pivot of those that slip, joints
     holding, into the table of contacts.
 
-    A contact's pivot is the rise of its two points away from each other per unit of push.
+    A contact's pivot is the rise of its two points away from each other per unit of force.
     """
-    touch, joints = system.touch, 0
-    while joints < holding and system.row_table[joints, HOLDS] < first_row_of(system, 0):
+    table, joints = system.contact_table, 0
+    while joints < holding and system.row_table[joints, ACTIVE] < first_row_of(system, 0):
         joints += 1
     at = joints
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         k = first_row_of(system, c)
-        touch[c, PIVOT] = 1.0
-        if touch[c, CLOSED] == 0.0 or touch[c, COMPLIANT] == 1.0:
+        table[c, PIVOT] = 1.0
+        if table[c, CLOSED] == 0.0 or table[c, COMPLIANT] == 1.0:
             continue
-        touch[c, NORMAL_FORCE] = system.vectors[MULTIPLIERS, k]
-        if touch[c, SLIDE] != SLIDING or touch[c, STATIC] == 0.0:
+        table[c, NORMAL_FORCE] = system.vectors[MULTIPLIERS, k]
+        if table[c, SLIDE] != SLIDING or table[c, STATIC] == 0.0:
             continue
-        while at < holding and system.row_table[at, HOLDS] < k:
+        while at < holding and system.row_table[at, ACTIVE] < k:
             at += 1
         b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
         force, turn = inverse_mass_row(system, b, k, 0)
@@ -264,7 +264,7 @@ def pivots(system, holding):
             ideal -= joints_share(system, joints, at, -1)
             effective -= joints_share(system, joints, at, at)
         if ideal > RANK_TOLERANCE * alone:  # else the joints hold its place by themselves
-            touch[c, PIVOT] = effective / ideal
+            table[c, PIVOT] = effective / ideal
 
 
 @inline
@@ -272,13 +272,13 @@ def note_sizes(system):
     """Sizes of the accelerations from the loads alone, in place of the loads."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            system.bodies[i, LOAD + j] = abs(system.bodies[i, PUSH + j])
+            system.bodies[i, LOAD + j] = abs(system.bodies[i, RESPONSE + j])
 
 
 @inline
 def add_term(bodies, i, force, turn, x):
-    """push += x (force, turn), and the sizes of these terms to the others."""
-    add_push(bodies, i, force, turn, x)
+    """response += x (force, turn), and the sizes of these terms to the others."""
+    add_response(bodies, i, force, turn, x)
     for j in range(3):
         bodies[i, LOAD + j] += abs(x * force[j])
         bodies[i, LOAD + 3 + j] += abs(x * turn[j])
@@ -292,13 +292,13 @@ def drop_rounding(system):
         for first in (0, 3):
             terms = norm(vec(bodies, i, LOAD + first))
             for j in range(first, first + 3):
-                if abs(bodies[i, PUSH + j]) <= SUM_ROUNDING * terms:
-                    bodies[i, PUSH + j] = 0.0
+                if abs(bodies[i, RESPONSE + j]) <= SUM_ROUNDING * terms:
+                    bodies[i, RESPONSE + j] = 0.0
 
 
 @dispatch
 def unconstrained(system, t, y):
-    """Write the rows, and push = accelerations from loads and given contact forces alone."""
+    """Write the rows, and response = accelerations from loads and given contact forces alone."""
 
 
 @unconstrained.register(ContactBodies)
@@ -331,14 +331,14 @@ def least_reactions(system, rank, holding):
     x, row_table, first = system.vectors[MULTIPLIERS], system.row_table, first_row_of(system, 0)
     for m in range(holding):
         for n in range(holding):
-            right[m] -= A[m, n] * shares[row_table[n, HOLDS]]
-            if row_table[n, HOLDS] < first:
+            right[m] -= A[m, n] * shares[row_table[n, ACTIVE]]
+            if row_table[n, ACTIVE] < first:
                 A[m, n] /= OF_JOINTS
     least_norm(A, right, x, rank, holding)
     for m in range(holding):
-        if row_table[m, HOLDS] < first:
+        if row_table[m, ACTIVE] < first:
             x[m] /= OF_JOINTS
-        x[m] += shares[row_table[m, HOLDS]]
+        x[m] += shares[row_table[m, ACTIVE]]
 
 
 @unconstrained.register(PackedSystem)
@@ -349,7 +349,8 @@ def unconstrained_by_address(system, t, y):
 
 @dispatch
 def contact_accelerations(system, t, y):
-    """Fill multipliers, contact forces and push = accelerations; returns (rank, rows that hold).
+    """Fill multipliers, contact forces and response = accelerations; returns (rank, rows that
+    hold).
 
     Where reactions are not determined, those nearest to the SHARES.
     """
@@ -386,17 +387,17 @@ def moving_by_address(system, t, y, everywhere):
 def accelerations_in(system, t, y, everywhere):
     """One solve of G M^-1 W^T x = -(bias + G M^-1 f) over the rows that hold (LL 38.2).
 
-    G: the rows; W: the directions of push, which differ from them in a slipping contact. Without
+    G: the rows; W: the force directions, which differ from them in a slipping contact. Without
     full rank the multipliers nearest to the SHARES.
     """
     unconstrained_in(system, t, y, everywhere)
     n = system.row_table.shape[0]
     holding = find_holding(system, NOWHERE if everywhere else AMONG_ROWS)
-    fill_pushed_matrix(system, holding)
+    fill_slipping_matrix(system, holding)
     right, multipliers = system.vectors[RIGHT], system.vectors[MULTIPLIERS]
     for m in range(holding):
-        k = system.row_table[m, HOLDS]
-        right[m] = -(system.rows[k, BIAS] + row_times_push(system, k))
+        k = system.row_table[m, ACTIVE]
+        right[m] = -(system.rows[k, BIAS] + row_times_response(system, k))
     row_table = system.row_table
     rank = solve_unsymmetric(
         system.delassus[0],
@@ -416,10 +417,10 @@ def accelerations_in(system, t, y, everywhere):
     for k in range(n):
         x, b, a = multipliers[k], system.row_table[k, BODY], system.row_table[k, PARENT]
         if x != 0.0:
-            force, turn = push_of(system, b, k, 0)
+            force, turn = response_of(system, b, k, 0)
             add_term(system.bodies, b, force, turn, x)
             if a >= 0:
-                force, turn = push_of(system, a, k, 6)
+                force, turn = response_of(system, a, k, 6)
                 add_term(system.bodies, a, force, turn, x)
     drop_rounding(system)
     pivots(system, holding)
@@ -430,8 +431,8 @@ def accelerations_in(system, t, y, everywhere):
 def power_of_contacts(system, y):
     """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
     power = 0.0
-    for c in range(system.touch.shape[0]):
-        if system.touch[c, CLOSED] == 0.0:
+    for c in range(system.contact_table.shape[0]):
+        if system.contact_table[c, CLOSED] == 0.0:
             continue
         k = first_row_of(system, c)
         last = first_row_of(system, c + 1)
@@ -444,9 +445,9 @@ def power_of_contacts(system, y):
                 s += coupling(system.force_rows, i, 6, A.v_WC, A.w_WB_B)
             power += x * s
         f, m, p = (
-            vec(system.touch, c, DIRECT),
-            vec(system.touch, c, DIRECT_TORQUE),
-            vec(system.touch, c, POINT),
+            vec(system.contact_table, c, DIRECT),
+            vec(system.contact_table, c, DIRECT_TORQUE),
+            vec(system.contact_table, c, POINT),
         )
         speed, turn = velocity_at(B, sub(p, B.p_WC)), rotate(B.q_WB, B.w_WB_B)
         if a >= 0:

@@ -65,7 +65,7 @@ from rb_sim.numerics.vectors import norm
 # Bodies in contact as loops see them: tables by address, and what the traced laws read and write.
 #
 # A contact's law gets ARGUMENTS numbers and gives those of its geometry and, where it is closed, of
-# its rows; the columns of `touch` that it fills lie as the law gives them.
+# its rows; the columns of `table` that it fills lie as the law gives them.
 
 
 KEPT = 26
@@ -77,7 +77,7 @@ GEOMETRY = GEOMETRY_WIDTH + 2 + LEAN_WIDTH + 1
 Lean (7), place round the rim."""
 FORCES = GEOMETRY + FORCES_WIDTH
 """Of a closed one besides: forces that do not wait for N (3, 3), force; from here on 16 numbers of
-each row, then 12 of each push."""
+each row, then 12 of each force direction."""
 MOST_ROWS = 6
 OUTPUTS = FORCES + 28 * MOST_ROWS
 WORKSPACE = ARGUMENTS + OUTPUTS
@@ -100,7 +100,7 @@ LAYOUT = Layout(
         "anchors": (REAL, 2),
         "length": REAL,
         "speed": REAL,
-        "touch": (REAL, 2),
+        "contact_table": (REAL, 2),
         "force_rows": (REAL, 2),
         "mass": REAL,
         "velocity_tolerance": REAL,
@@ -125,36 +125,36 @@ laws of the scene; functions compiled once (see compiled)."""
 
 
 @inline
-def clear_contact(G, W, k, last, touch, c):
+def clear_contact(G, W, k, last, table, c):
     """No rows and no forces of a contact that is open."""
     for i in range(k, last):
         for j in range(ROW_WIDTH):
             G[i, j] = 0.0
         for j in range(12):
             W[i, j] = 0.0
-    keep(touch, c, DIRECT, (0.0, 0.0, 0.0))
-    keep(touch, c, DIRECT_TORQUE, (0.0, 0.0, 0.0))
-    touch[c, NORMAL_FORCE] = 0.0
+    keep(table, c, DIRECT, (0.0, 0.0, 0.0))
+    keep(table, c, DIRECT_TORQUE, (0.0, 0.0, 0.0))
+    table[c, NORMAL_FORCE] = 0.0
 
 
 @inline
-def put_geometry(touch, c, out):
+def put_geometry(table, c, out):
     """Into the table of contacts what is known of an open contact as well."""
     for j in range(GEOMETRY_WIDTH):
-        touch[c, GAP + j] = out[j]
-    touch[c, SPRING], touch[c, FASTEST] = out[GEOMETRY_WIDTH], out[GEOMETRY_WIDTH + 1]
-    if touch[c, RIM] >= 0.0:
+        table[c, GAP + j] = out[j]
+    table[c, SPRING], table[c, FASTEST] = out[GEOMETRY_WIDTH], out[GEOMETRY_WIDTH + 1]
+    if table[c, RIM] >= 0.0:
         for j in range(LEAN_WIDTH):
-            touch[c, LOW + j] = out[GEOMETRY_WIDTH + 2 + j]
-        touch[c, AROUND] = out[GEOMETRY - 1]
+            table[c, LOW + j] = out[GEOMETRY_WIDTH + 2 + j]
+        table[c, AROUND] = out[GEOMETRY - 1]
 
 
 @inline
 def put_forces(system, c, out):
-    """Rows, pushes and forces of a closed contact into the tables."""
+    """Rows, force directions and forces of a closed contact into the tables."""
     first, last = first_row_of(system, c), first_row_of(system, c + 1)
     for j in range(FORCES_WIDTH):
-        system.touch[c, DIRECT + j] = out[GEOMETRY + j]
+        system.contact_table[c, DIRECT + j] = out[GEOMETRY + j]
     force_rows = FORCES + ROW_WIDTH * (last - first)
     for i in range(last - first):
         for j in range(ROW_WIDTH):
@@ -164,31 +164,31 @@ def put_forces(system, c, out):
 
 
 def write_contact(placed, t, system, y, c):
-    """Geometry, rows and pushes of contact c at (t, y)."""
-    touch, at = system.touch, LEAN_BEFORE
-    lean = Lean(vec(touch, c, at), vec(touch, c, at + 3), touch[c, at + 6])
+    """Geometry, rows and force directions of contact c at (t, y)."""
+    table, at = system.contact_table, LEAN_BEFORE
+    lean = Lean(vec(table, c, at), vec(table, c, at + 3), table[c, at + 6])
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
     found, moving = geometry(placed.row, t, B, A, lean)
-    put_geometry(touch, c, list(leaves(found)))
-    if touch[c, CLOSED] == 0.0:
+    put_geometry(table, c, list(leaves(found)))
+    if table[c, CLOSED] == 0.0:
         clear_contact(
             system.rows,
             system.force_rows,
             first_row_of(system, c),
             first_row_of(system, c + 1),
-            touch,
+            table,
             c,
         )
         return
     kept = Kept(
         lean,
-        touch[c, SLIDE],
-        touch[c, ROLL],
-        touch[c, SPIN],
-        touch[c, NORMAL_SIGN],
-        vec(touch, c, SLIP_DIRECTION),
-        vec(touch, c, ROLL_DIRECTION),
-        touch[c, SPIN_SIGN],
+        table[c, SLIDE],
+        table[c, ROLL],
+        table[c, SPIN],
+        table[c, NORMAL_SIGN],
+        vec(table, c, SLIP_DIRECTION),
+        vec(table, c, ROLL_DIRECTION),
+        table[c, SPIN_SIGN],
         least_slip(system, c),
         system.velocity_tolerance / system.length,
     )
@@ -199,18 +199,18 @@ def write_contact(placed, t, system, y, c):
 @inline
 def put_arguments(system, y, c, out):
     """What the law of contact c gets, see layout."""
-    touch = system.touch
+    table = system.contact_table
     b, a = system.contacts[c, CONTACT_BODY], system.contacts[c, CONTACT_PARENT]
     for j in range(WIDTH):
         out[j] = y[WIDTH * b + j]
         if a >= 0:
             out[WIDTH + j] = y[WIDTH * a + j]
     for j in range(LEAN_WIDTH):
-        out[KEPT + j] = touch[c, LEAN_BEFORE + j]
+        out[KEPT + j] = table[c, LEAN_BEFORE + j]
     for j in range(3):
-        out[KEPT + 7 + j] = touch[c, SLIDE + j]
+        out[KEPT + 7 + j] = table[c, SLIDE + j]
     for j in range(8):
-        out[KEPT + 10 + j] = touch[c, NORMAL_SIGN + j]
+        out[KEPT + 10 + j] = table[c, NORMAL_SIGN + j]
     out[ARGUMENTS - 2], out[ARGUMENTS - 1] = (
         least_slip(system, c),
         system.velocity_tolerance / system.length,
@@ -224,14 +224,14 @@ def write_contact_by_law(system, t, y, c):
     out = part(arguments, ARGUMENTS)
     put_arguments(system, y, c, arguments)
     constants = part(pointer(system.parameters), system.contacts[c, FIRST_PARAMETER])
-    if system.touch[c, CLOSED] == 0.0:
+    if system.contact_table[c, CLOSED] == 0.0:
         call_law(system.contacts[c, OPEN_LAW], t, arguments, constants, out)
-        put_geometry(system.touch, c, out)
+        put_geometry(system.contact_table, c, out)
         first, last = first_row_of(system, c), first_row_of(system, c + 1)
-        clear_contact(system.rows, system.force_rows, first, last, system.touch, c)
+        clear_contact(system.rows, system.force_rows, first, last, system.contact_table, c)
     else:
         call_law(system.contacts[c, CLOSED_LAW], t, arguments, constants, out)
-        put_geometry(system.touch, c, out)
+        put_geometry(system.contact_table, c, out)
         put_forces(system, c, out)
 
 
@@ -246,26 +246,26 @@ def traction_at(law, slip, constants, work):
 
 
 @dispatch
-def traction_over_push(system, c, slip):
+def traction_over_normal_force(system, c, slip):
     """Largest tangential over normal force or impulse of contact c at a slip [m/s]."""
 
 
-@traction_over_push.register(ContactBodies)
-def traction_over_push_plainly(system, c, slip):
+@traction_over_normal_force.register(ContactBodies)
+def traction_over_normal_force_plainly(system, c, slip):
     """Interpreted: `kinetic` of a bounded law, else the size of its traction at this slip."""
     rows = [placed.row for group in system.contacts for placed in group]
     if isinstance(rows[c].friction, BOUNDED):
-        return system.touch[c, KINETIC]
+        return system.contact_table[c, KINETIC]
     ahead = (1.0, 0.0, 0.0)
     return norm(traction(rows[c].friction, (slip, 0.0, 0.0), ahead, 0.0, False)[0])
 
 
-@traction_over_push.register(PackedSystem)
-def traction_over_push_by_law(system, c, slip):
+@traction_over_normal_force.register(PackedSystem)
+def traction_over_normal_force_by_law(system, c, slip):
     """Compiled: by the traced law of the contact's friction, where it has one."""
     law = system.contacts[c, TRACTION_LAW]
     if law == 0:
-        return system.touch[c, KINETIC]
+        return system.contact_table[c, KINETIC]
     constants = part(pointer(system.parameters), system.contacts[c, FIRST_OF_TRACTION])
     return traction_at(law, slip, constants, pointer(system.workspace))[0]
 
@@ -275,7 +275,7 @@ def write_contacts(groups, t, system, y, c, everywhere):
     alone."""
     for group in groups:
         for placed in group:
-            if everywhere or system.touch[c, CLOSED] == 1.0:
+            if everywhere or system.contact_table[c, CLOSED] == 1.0:
                 write_contact(placed, t, system, y, c)
             c += 1
 
@@ -309,20 +309,20 @@ def write_joints_by_law(system, t, y):
 
 @write_all_rows.register(ContactBodies)
 def write_all_rows_plainly(system, t, y, everywhere):
-    """Interpreted: the rows of joints and contacts, then their directions of push."""
+    """Interpreted: the rows of joints and contacts, then their force directions."""
     write_joints(system, t, y)
     write_contacts(system.contacts, t, system, y, 0, everywhere)
-    push_joints_along(system)
+    copy_joint_rows(system)
 
 
 @write_all_rows.register(PackedSystem)
 def write_all_rows_by_law(system, t, y, everywhere):
     """Compiled: the same by laws; a contact that is open is written only if `everywhere`."""
     write_joints(system, t, y)
-    for c in range(system.touch.shape[0]):
-        if everywhere or system.touch[c, CLOSED] == 1.0:
+    for c in range(system.contact_table.shape[0]):
+        if everywhere or system.contact_table[c, CLOSED] == 1.0:
             write_contact_by_law(system, t, y, c)
-    push_joints_along(system)
+    copy_joint_rows(system)
 
 
 @write_rows.register(ContactBodies, PackedSystem)
@@ -332,7 +332,7 @@ def write_contact_rows(system, t, y):
 
 
 @inline
-def push_joints_along(system):
+def copy_joint_rows(system):
     """A joint pushes along the row that it enforces."""
     for k in range(first_row_of(system, 0)):
         for j in range(12):

@@ -12,7 +12,7 @@
 A contact owns rows of the same table as every other constraint: normal, two tangents and, where it
 resists turning, two rolling rows and one of spin.  Its mode says which of them hold; the others
 are zero and drop out of every solve.  A slipping contact pushes along n + T(s)/N, not along n: the
-directions of push are a table of their own.  Scenes without contact know nothing of all this.
+force directions are a table of their own.  Scenes without contact know nothing of all this.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rb_sim.mechanics.system import EVENT_DRIVEN
 from rb_sim.mechanics.systems.many_bodies import ROW_TABLE_COLUMNS
 from rb_sim.numerics.kernels import inline
 
-# The table of contacts, `ContactBodies.touch`: one row per point of contact, its columns by name.
+# The table of contacts, `ContactBodies.contact_table`: a row for each point, its columns by name.
 #
 # Its four parts lie apart.  Parameters say what the contact is.  State is all that one step hands
 # to the next: only events and the start of a step write it.  What is known of a step's start
@@ -45,10 +45,10 @@ class Column(NamedTuple):
 
 
 EVENT_FUNCTION_KINDS = 5
-"""Event functions of one contact: of its gap or push, of slip, rolling, spinning, and of jams; each
-may pass through zero and come back within a step."""
+"""Event functions of one contact: of its gap or normal force, of slip, rolling, spinning, and of
+jams; each may pass through zero and come back within a step."""
 AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
-"""Places among them; the gap's, or the push's, is the first."""
+"""Places among them; that of the gap or normal force is the first."""
 
 LEAN_WIDTH = 7
 """Numbers of a rims.Lean."""
@@ -135,7 +135,7 @@ def first_columns(*parts: tuple[Column, ...]) -> tuple[dict[str, int], int]:
     return places, at
 
 
-_AT, TOUCH_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
+_AT, CONTACT_TABLE_WIDTH = first_columns(PARAMETERS, STATE, START, SCRATCH)
 
 STATIC, ROLLING_ARM, SPINNING_ARM = _AT["static"], _AT["rolling_arm"], _AT["spinning_arm"]
 BILATERAL, COMPLIANT, RIM = _AT["bilateral"], _AT["compliant"], _AT["rim"]
@@ -195,7 +195,7 @@ NUDGE = 1e-6
 """Time over which rates of event functions are found, in natural units."""
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
-STILL = 1e-10
+SPEED_TOLERANCE = 1e-10
 """Speed, relative to the scene's, that is none: of approach, of slip, of turning."""
 JAMMED = 1e-6
 """Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
@@ -222,10 +222,10 @@ class ContactBodies(NamedTuple):
     constraints: tuple
     contacts: tuple
     """placed ContactRows in groups of one kind; their parts come after those of the constraints."""
-    touch: np.ndarray
-    """the table of contacts, see above, shape (contacts, TOUCH_WIDTH)."""
+    contact_table: np.ndarray
+    """the table of contacts, see above, shape (contacts, CONTACT_TABLE_WIDTH)."""
     force_rows: np.ndarray
-    """direction of push of each row: as the 12 columns of its Jacobian, shape (n, 12)."""
+    """force direction of each row: as the 12 columns of its Jacobian, shape (n, 12)."""
     mass: float
     """of all bodies [kg]."""
     velocity_tolerance: float
@@ -244,7 +244,7 @@ EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
 """Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
-HOLDS, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, ROW_TABLE_WIDTH = range(
+ACTIVE, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, ROW_TABLE_WIDTH = range(
     ROW_TABLE_COLUMNS, ROW_TABLE_COLUMNS + 7
 )
 """Columns of ContactBodies.row_table for the rows that hold, and whether
@@ -258,16 +258,16 @@ where a step begins (see choice)."""
 
 
 @inline
-def keep(touch, c, at, a):
+def keep(table, c, at, a):
     """Write a vector into the table of contacts: row c, from column `at` on."""
     for j in range(3):
-        touch[c, at + j] = a[j]
+        table[c, at + j] = a[j]
 
 
 @inline
 def may_creep(system, c):
     """True where slow slips of contact c are followed, and creep in the end."""
-    return system.touch[c, COMPLIANT] == 1.0 and system.creep > 0.0
+    return system.contact_table[c, COMPLIANT] == 1.0 and system.creep > 0.0
 
 
 @inline

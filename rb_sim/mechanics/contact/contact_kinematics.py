@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What one contact is at an instant: geometry, the rows that hold, the pushes, the friction.
+"""What one contact is at an instant: geometry, the active rows, the force directions, the friction.
 
 A function of the states of both bodies, of the modes and of the directions kept from the start of
 the step, and of nothing else; it is traced once for each kind of contact (`contact_laws`), and runs
@@ -28,7 +28,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     rim_on_cylinder_touching,
     rim_touching,
 )
-from rb_sim.catalogue.geometry.pairs import Touch, carrier, touching
+from rb_sim.catalogue.geometry.pairs import ContactPoint, carrier, touching
 from rb_sim.catalogue.spec import BodyState, Vec3
 from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
@@ -113,7 +113,7 @@ class _Moving(NamedTuple):
     a_A: Vec3
     alpha_A: Vec3
     driven: float
-    at: Touch
+    at: ContactPoint
     r: Vec3
     sigma: Vec3
     moved: Vec3
@@ -131,7 +131,9 @@ def torque_of(B, r, force, moment):
     return unrotate(B.q_WB, add(moment, cross(r, force)))
 
 
-def touch_of(pair: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Touch, Lean, Any]:
+def contact_table_of(
+    pair: Any, B: BodyState, A: BodyState, before: Lean
+) -> tuple[ContactPoint, Lean, Any]:
     """The Touch, how a rim leans, and how far round it the point is."""
     if isinstance(pair, RimOnPlane):
         at, lean = rim_touching(pair, B, A, before)
@@ -148,7 +150,7 @@ def touch_of(pair: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Touch
 def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Any, Any]:
     """(Geometry, what `forces` goes on with) of a contact of body state B with the parent's A."""
     A, a_A, alpha_A, driven = carrier(row.carrier, t, A)
-    at, lean, around = touch_of(row.pair, B, A, before)
+    at, lean, around = contact_table_of(row.pair, B, A, before)
     r, sigma = sub(at.point, B.p_WC), sub(at.point, A.p_WC)
     moved = velocity_at(A, sigma)
     speed = sub(velocity_at(B, r), moved)
@@ -168,18 +170,18 @@ def constraint_row(
     holonomic: float,
 ) -> tuple:  # fmt: skip
     """16 numbers of a row; zero where it does not hold."""
-    numbers = (*push_columns(m, force, moment), bias, error, rate, holonomic)
+    numbers = (*wrench_columns(m, force, moment), bias, error, rate, holonomic)
     return where(holds, numbers, (0.0,) * len(numbers))
 
 
-def push_columns(m: _Moving, force: Vec3, moment: Vec3) -> tuple:
+def wrench_columns(m: _Moving, force: Vec3, moment: Vec3) -> tuple:
     """12 numbers: what a force at P and a moment, world axes, do to B and back to A."""
     torque_B, torque_A = torque_of(m.B, m.r, force, moment), torque_of(m.A, m.sigma, force, moment)
     return (*force, *torque_B, *neg(force), *neg(torque_A))
 
 
 def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
-    """Rows and pushes of a closed contact, and the forces that do not wait for N."""
+    """Rows and force directions of a closed contact, and the forces that do not wait for N."""
     B, A, n, sigma = m.B, m.A, m.at.normal, m.sigma
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     r_dot, sigma_dot = sub(m.at.point_rate, B.v_WC), sub(m.at.point_rate, A.v_WC)
@@ -212,7 +214,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
     force_rows = [values[:12] for values in rows]
     if rigid:
-        rubbing = push_columns(m, per_normal, torque)
+        rubbing = wrench_columns(m, per_normal, torque)
         force_rows[0] = tuple(a + b for a, b in zip(force_rows[0], rubbing, strict=True))
         torque = ZERO
     else:

@@ -118,53 +118,53 @@ STRAIGHT = 0.99995
 
 
 @inline
-def is_held(touch, c):
+def is_held(table, c):
     """True if a point of the rim that contact c is a point of is held."""
-    for other in range(touch.shape[0]):
-        if touch[other, RIM] == touch[c, RIM] and touch[other, CLOSED] == 1.0:
+    for other in range(table.shape[0]):
+        if table[other, RIM] == table[c, RIM] and table[other, CLOSED] == 1.0:
             return True
     return False
 
 
 @inline
-def note_lean(touch, c):
+def note_lean(table, c):
     """How a rim leans, and goes on; one that nothing holds has no point to keep."""
     for i in range(LEAN_WIDTH):
-        touch[c, LEAN_BEFORE + i] = touch[c, LOW + i]
-    touch[c, SWING], touch[c, NEARS] = FREE, 0.0
-    if touch[c, RIM] < 0.0:
+        table[c, LEAN_BEFORE + i] = table[c, LOW + i]
+    table[c, SWING], table[c, NEARS] = FREE, 0.0
+    if table[c, RIM] < 0.0:
         return
-    if not is_held(touch, c):
-        touch[c, LEAN_BEFORE + 6] = IN_FLIGHT
+    if not is_held(table, c):
+        table[c, LEAN_BEFORE + 6] = IN_FLIGHT
         return
-    side, size = 1.0 if touch[c, LEAN_SIGN] > 0.0 else -1.0, abs(touch[c, LEAN_SIGN])
+    side, size = 1.0 if table[c, LEAN_SIGN] > 0.0 else -1.0, abs(table[c, LEAN_SIGN])
     if size == IN_FLIGHT or size == SLAMS:
-        touch[c, LEAN_BEFORE + 6] = side
-    lean, rate = vec(touch, c, AXIS), lean_rate(touch, c)
+        table[c, LEAN_BEFORE + 6] = side
+    lean, rate = vec(table, c, AXIS), lean_rate(table, c)
     tilt, speed = norm(lean), norm(rate)
     if not FLAT < tilt < speed * FREE:
         return
-    touch[c, SWING], touch[c, NEARS] = tilt / speed, -dot(lean, rate) / (tilt * speed)
+    table[c, SWING], table[c, NEARS] = tilt / speed, -dot(lean, rate) / (tilt * speed)
     missed = norm(cross(lean, rate)) / speed
-    if touch[c, NEARS] > 0.0 and missed < MISSED and tilt < NEARLY_FLAT:
-        touch[c, LEAN_BEFORE + 6] = side * SLAMS
+    if table[c, NEARS] > 0.0 and missed < MISSED and tilt < NEARLY_FLAT:
+        table[c, LEAN_BEFORE + 6] = side * SLAMS
 
 
 @inline
-def lean_rate(touch, c):
+def lean_rate(table, c):
     """Rate [rad/s] of the axis of a rim across the normal, as its support sees it."""
-    lean, n = vec(touch, c, AXIS), vec(touch, c, NORMAL)
+    lean, n = vec(table, c, AXIS), vec(table, c, NORMAL)
     upright = max(0.0, 1.0 - dot(lean, lean)) ** 0.5
-    rate = cross(vec(touch, c, RELATIVE_SPIN), add(lean, scale(upright, n)))
+    rate = cross(vec(table, c, RELATIVE_SPIN), add(lean, scale(upright, n)))
     return sub(rate, scale(dot(rate, n), n))
 
 
 @inline
-def lean_has_turned(touch, c):
+def lean_has_turned(table, c):
     """True if the low point of the rim has gone too far round it in the step."""
-    lean, before = vec(touch, c, AXIS), vec(touch, c, LEAN_BEFORE + 3)
+    lean, before = vec(table, c, AXIS), vec(table, c, LEAN_BEFORE + 3)
     least, most = min(norm(lean), norm(before)), max(norm(lean), norm(before))
-    if least <= FLAT or least > LEANS or abs(touch[c, LEAN_BEFORE + 6]) == SLAMS:
+    if least <= FLAT or least > LEANS or abs(table[c, LEAN_BEFORE + 6]) == SLAMS:
         return False
     return dot(lean, before) < TURNED * least * most
 
@@ -173,9 +173,9 @@ def lean_has_turned(touch, c):
 def end_for_rims(system, t0, t1):
     """Where the step from t0 to t1 has to end, at the latest, for rims that are held; the tables
     are those of t1."""
-    touch, end = system.touch, t1
-    for c in range(touch.shape[0]):
-        if touch[c, RIM] >= 0.0 and touch[c, CLOSED] == 1.0 and lean_has_turned(touch, c):
+    table, end = system.contact_table, t1
+    for c in range(table.shape[0]):
+        if table[c, RIM] >= 0.0 and table[c, CLOSED] == 1.0 and lean_has_turned(table, c):
             end = 0.5 * (t0 + t1)
     return end
 
@@ -184,14 +184,14 @@ def end_for_rims(system, t0, t1):
 def before_swing(method, system, t0, t1):
     """Where the step from t0 to t1 has to end, at the latest, if its length is fixed, for rims that
     are held and whose low point would go far round in it."""
-    touch, end = system.touch, t1
+    table, end = system.contact_table, t1
     if method.setting[1] != 0.0:
         return end
-    for c in range(touch.shape[0]):
-        round_it = abs(touch[c, NEARS]) < STRAIGHT
-        goes = touch[c, CLOSED] == 1.0 and (round_it or touch[c, NEARS] > 0.0)
-        if goes and t1 - t0 > ROUND * touch[c, SWING]:
-            end = min(end, t0 + (ROUND_PART if round_it else NEARER) * touch[c, SWING])
+    for c in range(table.shape[0]):
+        round_it = abs(table[c, NEARS]) < STRAIGHT
+        goes = table[c, CLOSED] == 1.0 and (round_it or table[c, NEARS] > 0.0)
+        if goes and t1 - t0 > ROUND * table[c, SWING]:
+            end = min(end, t0 + (ROUND_PART if round_it else NEARER) * table[c, SWING])
     return end
 
 
@@ -200,19 +200,19 @@ def step_of_swings(system):
     """A length of step that follows each rim that is held and hardly misses flat, however fast its
     low point goes round it; 0 without one.  All that shorter steps would follow is how rounding
     turns its lean."""
-    touch, least = system.touch, FREE
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 1.0 and norm(vec(touch, c, LEAN_BEFORE + 3)) < SHALLOW:
-            least = min(least, touch[c, SWING])
+    table, least = system.contact_table, FREE
+    for c in range(table.shape[0]):
+        if table[c, CLOSED] == 1.0 and norm(vec(table, c, LEAN_BEFORE + 3)) < SHALLOW:
+            least = min(least, table[c, SWING])
     return PART * least if least < FREE else 0.0
 
 
 @inline
-def turned_by_rounding(touch, c):
+def turned_by_rounding(table, c):
     """Angle [rad] by which rounding turns the lean of the rim of contact c at the start of the
     step, while its low point goes round; 0 of others."""
-    goes = touch[c, CLOSED] == 1.0 and touch[c, SWING] < FREE and abs(touch[c, NEARS]) < STRAIGHT
-    return TWO_ULPS / norm(vec(touch, c, LEAN_BEFORE + 3)) if goes else 0.0
+    goes = table[c, CLOSED] == 1.0 and table[c, SWING] < FREE and abs(table[c, NEARS]) < STRAIGHT
+    return TWO_ULPS / norm(vec(table, c, LEAN_BEFORE + 3)) if goes else 0.0
 
 
 @inline
@@ -235,11 +235,11 @@ def approach(system, c):
     What leaves a damped support is open while it still overlaps, until its force would push again;
     the function has no jump where the overlap ends.
     """
-    touch, level = system.touch, system.touch[c, GAP] / system.length
-    if touch[c, LEAN_SIGN] == ABSENT:
+    table, level = system.contact_table, system.contact_table[c, GAP] / system.length
+    if table[c, LEAN_SIGN] == ABSENT:
         return FREE
-    if touch[c, COMPLIANT] == 1.0:
-        pull = -touch[c, SPRING] if level < 0.0 else touch[c, DAMPING] * touch[c, GAP_RATE]
+    if table[c, COMPLIANT] == 1.0:
+        pull = -table[c, SPRING] if level < 0.0 else table[c, DAMPING] * table[c, GAP_RATE]
         level = max(level, pull / natural_force(system))
     return level
 
@@ -247,21 +247,21 @@ def approach(system, c):
 @inline
 def slip_level(system, c, slip):
     """Event function of a slipping contact: its slip along the direction of before."""
-    return SHARP * dot(slip, vec(system.touch, c, SLIP_DIRECTION)) / system.speed
+    return SHARP * dot(slip, vec(system.contact_table, c, SLIP_DIRECTION)) / system.speed
 
 
 @inline
-def rolling(touch, c):
+def rolling(table, c):
     """Relative angular velocity across the normal: that about it, which the normal takes along as
     it turns, is no rolling."""
-    turn, n = vec(touch, c, RELATIVE_SPIN), vec(touch, c, NORMAL)
+    turn, n = vec(table, c, RELATIVE_SPIN), vec(table, c, NORMAL)
     return sub(turn, scale(dot(turn, n), n))
 
 
 @inline
 def roll_level(system, c, roll):
     """Event function of rolling that slides: its rate along the direction of before."""
-    return dot(roll, vec(system.touch, c, ROLL_DIRECTION)) / natural_turning(system)
+    return dot(roll, vec(system.contact_table, c, ROLL_DIRECTION)) / natural_turning(system)
 
 
 @inline
@@ -272,50 +272,50 @@ def tail(system, k):
 
 
 @inline
-def push_events(system, c):
-    """Event functions of the push and of the friction of a closed contact."""
-    touch, k, force = system.touch, first_row_of(system, c), natural_force(system)
-    normal = touch[c, NORMAL_FORCE]
-    if touch[c, BILATERAL] == 0.0:
-        touch[c, EVENT_FUNCTIONS] = normal / force
+def normal_force_events(system, c):
+    """Event functions of the normal force and of the friction of a closed contact."""
+    table, k, force = system.contact_table, first_row_of(system, c), natural_force(system)
+    normal = table[c, NORMAL_FORCE]
+    if table[c, BILATERAL] == 0.0:
+        table[c, EVENT_FUNCTIONS] = normal / force
     else:
-        if touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-            touch[c, EVENT_FUNCTIONS] = touch[c, NORMAL_SIGN] * normal / force
+        if table[c, SLIDE] == SLIDING and table[c, STATIC] > 0.0:
+            table[c, EVENT_FUNCTIONS] = table[c, NORMAL_SIGN] * normal / force
         normal = abs(normal)
-    if touch[c, SLIDE] == STUCK and touch[c, STATIC] < 1e300:
-        touch[c, EVENT_FUNCTIONS + AT_SLIP] = (
-            touch[c, STATIC] * normal - tail(system, k + 1)
+    if table[c, SLIDE] == STUCK and table[c, STATIC] < 1e300:
+        table[c, EVENT_FUNCTIONS + AT_SLIP] = (
+            table[c, STATIC] * normal - tail(system, k + 1)
         ) / force
-    elif touch[c, SLIDE] == SLIDING and touch[c, STATIC] > 0.0:
-        if touch[c, CREEPS] == 0.0:
-            touch[c, EVENT_FUNCTIONS + AT_SLIP] = slip_level(system, c, vec(touch, c, SLIP))
-        if touch[c, COMPLIANT] == 0.0:
-            touch[c, EVENT_FUNCTIONS + AT_JAM] = touch[c, PIVOT] - JAMMED
-    turn, torque = vec(touch, c, RELATIVE_SPIN), force * system.length
-    if touch[c, ROLL] == STUCK:
-        level = touch[c, ROLLING_ARM] * normal - tail(system, k + 3)
-        touch[c, EVENT_FUNCTIONS + AT_ROLL] = level / torque
-    elif touch[c, ROLL] == SLIDING:
-        touch[c, EVENT_FUNCTIONS + AT_ROLL] = roll_level(system, c, rolling(touch, c))
-    if touch[c, SPIN] == STUCK:
-        level = touch[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
-        touch[c, EVENT_FUNCTIONS + AT_SPIN] = level / torque
-    elif touch[c, SPIN] == SLIDING:
-        about = touch[c, SPIN_SIGN] * dot(turn, vec(touch, c, NORMAL))
-        touch[c, EVENT_FUNCTIONS + AT_SPIN] = about / natural_turning(system)
+    elif table[c, SLIDE] == SLIDING and table[c, STATIC] > 0.0:
+        if table[c, CREEPS] == 0.0:
+            table[c, EVENT_FUNCTIONS + AT_SLIP] = slip_level(system, c, vec(table, c, SLIP))
+        if table[c, COMPLIANT] == 0.0:
+            table[c, EVENT_FUNCTIONS + AT_JAM] = table[c, PIVOT] - JAMMED
+    turn, torque = vec(table, c, RELATIVE_SPIN), force * system.length
+    if table[c, ROLL] == STUCK:
+        level = table[c, ROLLING_ARM] * normal - tail(system, k + 3)
+        table[c, EVENT_FUNCTIONS + AT_ROLL] = level / torque
+    elif table[c, ROLL] == SLIDING:
+        table[c, EVENT_FUNCTIONS + AT_ROLL] = roll_level(system, c, rolling(table, c))
+    if table[c, SPIN] == STUCK:
+        level = table[c, SPINNING_ARM] * normal - abs(system.vectors[MULTIPLIERS, k + 5])
+        table[c, EVENT_FUNCTIONS + AT_SPIN] = level / torque
+    elif table[c, SPIN] == SLIDING:
+        about = table[c, SPIN_SIGN] * dot(turn, vec(table, c, NORMAL))
+        table[c, EVENT_FUNCTIONS + AT_SPIN] = about / natural_turning(system)
 
 
 @inline
-def event_of(touch, c, i):
+def event_of(table, c, i):
     """The kind of event at which the i-th event function of contact c vanishes."""
     if i == 0:
-        return LIFT_OFF if touch[c, CLOSED] == 1.0 else TOUCH_DOWN
+        return LIFT_OFF if table[c, CLOSED] == 1.0 else TOUCH_DOWN
     if i == AT_SLIP:
-        return SLIP_ENDS if touch[c, SLIDE] == SLIDING else SLIP_BEGINS
+        return SLIP_ENDS if table[c, SLIDE] == SLIDING else SLIP_BEGINS
     if i == AT_ROLL:
-        return ROLL_ENDS if touch[c, ROLL] == SLIDING else ROLL_BEGINS
+        return ROLL_ENDS if table[c, ROLL] == SLIDING else ROLL_BEGINS
     if i == AT_SPIN:
-        return SPIN_ENDS if touch[c, SPIN] == SLIDING else SPIN_BEGINS
+        return SPIN_ENDS if table[c, SPIN] == SLIDING else SPIN_BEGINS
     return JAMS
 
 
@@ -325,29 +325,29 @@ def lowest_level(system):
 
     After `contact_accelerations`.
     """
-    touch, lowest, code = system.touch, FREE, -1
-    for c in range(touch.shape[0]):
+    table, lowest, code = system.contact_table, FREE, -1
+    for c in range(table.shape[0]):
         for i in range(EVENT_FUNCTION_KINDS):
-            touch[c, EVENT_FUNCTIONS + i] = FREE
-        if touch[c, CLOSED] == 1.0:
-            push_events(system, c)
-            if abs(touch[c, LEAN_SIGN]) - 0.5 < lowest:
-                lowest, code = abs(touch[c, LEAN_SIGN]) - 0.5, EVENT_KINDS * c + LIES_FLAT
+            table[c, EVENT_FUNCTIONS + i] = FREE
+        if table[c, CLOSED] == 1.0:
+            normal_force_events(system, c)
+            if abs(table[c, LEAN_SIGN]) - 0.5 < lowest:
+                lowest, code = abs(table[c, LEAN_SIGN]) - 0.5, EVENT_KINDS * c + LIES_FLAT
         else:
-            touch[c, EVENT_FUNCTIONS] = approach(system, c)
+            table[c, EVENT_FUNCTIONS] = approach(system, c)
         for i in range(EVENT_FUNCTION_KINDS):
-            if touch[c, EVENT_FUNCTIONS + i] < lowest:
+            if table[c, EVENT_FUNCTIONS + i] < lowest:
                 lowest, code = (
-                    touch[c, EVENT_FUNCTIONS + i],
-                    EVENT_KINDS * c + event_of(touch, c, i),
+                    table[c, EVENT_FUNCTIONS + i],
+                    EVENT_KINDS * c + event_of(table, c, i),
                 )
     return lowest, code
 
 
 @inline
-def in_rigid_flight(touch, c):
+def in_rigid_flight(table, c):
     """Whether contact c is open and rigid: an impact ends that."""
-    return touch[c, CLOSED] == 0.0 and touch[c, COMPLIANT] == 0.0
+    return table[c, CLOSED] == 0.0 and table[c, COMPLIANT] == 0.0
 
 
 @inline
@@ -357,17 +357,17 @@ def level_rates(system, t, y):
     After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
     left as it was, with rates of slip and rolling in it.
     """
-    touch = system.touch
-    rates, least = np.zeros((touch.shape[0], EVENT_FUNCTION_KINDS)), FREE
-    for c in range(touch.shape[0]):
-        if in_rigid_flight(touch, c):
-            rates[c, 0] = touch[c, GAP_RATE] / system.length
+    table = system.contact_table
+    rates, least = np.zeros((table.shape[0], EVENT_FUNCTION_KINDS)), FREE
+    for c in range(table.shape[0]):
+        if in_rigid_flight(table, c):
+            rates[c, 0] = table[c, GAP_RATE] / system.length
         else:
             for i in range(EVENT_FUNCTION_KINDS):
-                least = min(least, touch[c, EVENT_FUNCTIONS + i])
+                least = min(least, table[c, EVENT_FUNCTIONS + i])
     if least == FREE:
         return rates
-    kept, nudge = touch.copy(), NUDGE * system.length / system.speed
+    kept, nudge = table.copy(), NUDGE * system.length / system.speed
     later = np.zeros_like(y)
     put_rates(system, y, later)
     for i in range(y.shape[0]):
@@ -378,14 +378,14 @@ def level_rates(system, t, y):
     contact_accelerations(system, t + nudge, later)
     row_table[0, MOST_RANK] = most
     lowest_level(system)
-    for c in range(touch.shape[0]):
+    for c in range(table.shape[0]):
         for i in range(EVENT_FUNCTION_KINDS):
             if not (i == 0 and in_rigid_flight(kept, c)):
-                rates[c, i] = (touch[c, EVENT_FUNCTIONS + i] - kept[c, EVENT_FUNCTIONS + i]) / nudge
-        slip = scale(1.0 / nudge, sub(vec(touch, c, SLIP), vec(kept, c, SLIP)))
-        roll = scale(1.0 / nudge, sub(rolling(touch, c), rolling(kept, c)))
-        for j in range(touch.shape[1]):
-            touch[c, j] = kept[c, j]
-        keep(touch, c, SLIP_RATE, slip)
-        keep(touch, c, ROLL_RATE, roll)
+                rates[c, i] = (table[c, EVENT_FUNCTIONS + i] - kept[c, EVENT_FUNCTIONS + i]) / nudge
+        slip = scale(1.0 / nudge, sub(vec(table, c, SLIP), vec(kept, c, SLIP)))
+        roll = scale(1.0 / nudge, sub(rolling(table, c), rolling(kept, c)))
+        for j in range(table.shape[1]):
+            table[c, j] = kept[c, j]
+        keep(table, c, SLIP_RATE, slip)
+        keep(table, c, ROLL_RATE, roll)
     return rates

@@ -26,6 +26,7 @@ from rb_sim.mechanics.contact.accelerations import (
 )
 from rb_sim.mechanics.contact.constraint_tables import energies, write_all_rows, write_anchors
 from rb_sim.mechanics.contact.contact_bodies import (
+    ACTIVE,
     AMONG_POSITIONS,
     AMONG_ROWS,
     CLOSED,
@@ -33,7 +34,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
     DIRECT,
     DIRECT_TORQUE,
     GAP,
-    HOLDS,
     POINT,
     SLIDE,
     ContactBodies,
@@ -46,7 +46,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     MULTIPLIERS,
     ORDER,
     PARENT,
-    PUSH,
+    RESPONSE,
     RIGHT,
     WIDTH,
     arm_of,
@@ -55,9 +55,9 @@ from rb_sim.mechanics.systems.many_bodies import (
 )
 from rb_sim.mechanics.systems.multibody import (
     add_multiplier,
-    clear_push,
+    clear_response,
     inverse_mass_times,
-    move_by_push,
+    move_by_response,
     put_momenta,
     put_rates,
     residual_of,
@@ -80,14 +80,14 @@ def fill_symmetric(system, holding, holonomic_only):
     the identity."""
     rows, row_table = system.rows, system.row_table
     for m in range(holding):
-        i = row_table[m, HOLDS]
+        i = row_table[m, ACTIVE]
         b, a = row_table[i, BODY], row_table[i, PARENT]
         fb, kb = inverse_mass_times(system, b, i, 0)
         fa, ka = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         if a >= 0:
             fa, ka = inverse_mass_times(system, a, i, 6)
         for n in range(m + 1):
-            j = row_table[n, HOLDS]
+            j = row_table[n, ACTIVE]
             s = rise_of(system, j, b, a, (fb, kb), (fa, ka))
             if holonomic_only and (rows[i, HOLONOMIC] == 0.0 or rows[j, HOLONOMIC] == 0.0):
                 s = 1.0 if i == j else 0.0
@@ -96,8 +96,8 @@ def fill_symmetric(system, holding, holonomic_only):
 
 
 @inline
-def push_of_rows(system, holding, holonomic_only):
-    """push = M^-1 G^T x, with A x = the right side."""
+def response_of_rows(system, holding, holonomic_only):
+    """response = M^-1 G^T x, with A x = the right side."""
     fill_symmetric(system, holding, holonomic_only)
     x, row_table = system.vectors[MULTIPLIERS], system.row_table
     solve_semidefinite(
@@ -108,9 +108,9 @@ def push_of_rows(system, holding, holonomic_only):
         row_table[:, ORDER],
         holding,
     )
-    clear_push(system)
+    clear_response(system)
     for m in range(holding):
-        k = row_table[m, HOLDS]
+        k = row_table[m, ACTIVE]
         if holonomic_only:
             x[m] *= system.rows[k, HOLONOMIC]
         add_multiplier(system, k, x[m])
@@ -129,7 +129,7 @@ def error_of_holding(way, t, y):
     write_all_rows(system, t, y, False)
     holding = find_holding(system, AMONG_POSITIONS)
     for m in range(holding):
-        k = system.row_table[m, HOLDS]
+        k = system.row_table[m, ACTIVE]
         system.vectors[RIGHT, m] = -system.rows[k, ERROR] * system.rows[k, HOLONOMIC]
         worst = max(worst, abs(system.vectors[RIGHT, m]) * arm_of(system, k))
     return worst, holding
@@ -138,8 +138,8 @@ def error_of_holding(way, t, y):
 @correct_positions.register(HoldingRows)
 def correct_holding(way, t, y, holding):
     """Displace the bodies along the rows that hold, by what their errors demand."""
-    push_of_rows(way.system, holding, True)
-    move_by_push(way.system, y)
+    response_of_rows(way.system, holding, True)
+    move_by_response(way.system, y)
 
 
 @inline
@@ -160,18 +160,18 @@ def bring_to_manifold(system, t, y):
 
     A state from which the manifold is out of reach (the step was absurd) becomes NaN.
     """
-    clear_push(system)
-    move_by_push(system, y)
+    clear_response(system)
+    move_by_response(system, y)
     if not bring_positions(system, t, y) <= LOST * system.length:
         y[0] = np.nan
     holding = find_holding(system, AMONG_ROWS)
     for m in range(holding):
-        k = system.row_table[m, HOLDS]
+        k = system.row_table[m, ACTIVE]
         system.vectors[RIGHT, m] = system.rows[k, RATE] - row_velocity(system, y, k)
-    push_of_rows(system, holding, False)
+    response_of_rows(system, holding, False)
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            y[WIDTH * i + 7 + j] += system.bodies[i, PUSH + j]
+            y[WIDTH * i + 7 + j] += system.bodies[i, RESPONSE + j]
     return y
 
 
@@ -197,11 +197,11 @@ def settle_by_address(system, t, y):
 
 
 @inline
-def reported_state(touch, c):
+def reported_state(table, c):
     """Open, slip, or stick/roll."""
-    if touch[c, CLOSED] == 0.0:
+    if table[c, CLOSED] == 0.0:
         return 0.0
-    if touch[c, SLIDE] == STUCK:
+    if table[c, SLIDE] == STUCK:
         return 2.0
     return 1.0
 
@@ -214,9 +214,9 @@ def put_contact_reactions(system, y, out, first):
     """
     members, joints = system.members, system.joints
     write_anchors(system, y)
-    for c in range(system.touch.shape[0]):
+    for c in range(system.contact_table.shape[0]):
         for j in range(3):
-            system.anchors[joints + c, j] = system.touch[c, POINT + j]
+            system.anchors[joints + c, j] = system.contact_table[c, POINT + j]
     at = first
     for o in range(members.shape[0]):
         main = members[o, 0]
@@ -233,11 +233,11 @@ def put_contact_reactions(system, y, out, first):
                 torque = add(torque, rotate(B.q_WB, torque_B))
                 if part >= joints:
                     f, p = (
-                        vec(system.touch, part - joints, DIRECT),
+                        vec(system.contact_table, part - joints, DIRECT),
                         vec(system.anchors, part, 0),
                     )
                     force = add(force, f)
-                    m = vec(system.touch, part - joints, DIRECT_TORQUE)
+                    m = vec(system.contact_table, part - joints, DIRECT_TORQUE)
                     torque = add(torque, add(m, cross(sub(p, B.p_WC), f)))
         point = vec(system.anchors, main, 0) if main >= 0 else B.p_WC
         torque = add(torque, cross(sub(B.p_WC, point), force))
@@ -252,10 +252,10 @@ def put_contact_reactions(system, y, out, first):
 @inline
 def overlap(system):
     """Deepest overlap of a rigid contact that is open, relative to the scene's length."""
-    touch, deepest = system.touch, 0.0
-    for c in range(touch.shape[0]):
-        if touch[c, CLOSED] == 0.0 and touch[c, COMPLIANT] == 0.0:
-            deepest = max(deepest, -touch[c, GAP] / system.length)
+    table, deepest = system.contact_table, 0.0
+    for c in range(table.shape[0]):
+        if table[c, CLOSED] == 0.0 and table[c, COMPLIANT] == 0.0:
+            deepest = max(deepest, -table[c, GAP] / system.length)
     return deepest
 
 
@@ -275,5 +275,5 @@ def contact_sample(system, t, y, out):
     out[at], out[at + 1], out[at + 2] = kinetic, u, power + reaction_power
     out[at + 9] = max(residual_of(system, y), overlap(system))
     out[at + 10] = y[WIDTH * bodies]
-    for c in range(system.touch.shape[0]):
-        out[at + 11 + c] = reported_state(system.touch, c)
+    for c in range(system.contact_table.shape[0]):
+        out[at + 11 + c] = reported_state(system.contact_table, c)

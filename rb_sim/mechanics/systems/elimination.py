@@ -20,7 +20,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.graph.symbols import External, call, divide, rarely, where
-from rb_sim.mechanics.systems.many_bodies import BODY, MULTIPLIERS, PARENT, PUSH, WIDTH, MultiBody
+from rb_sim.mechanics.systems.many_bodies import (
+    BODY,
+    MULTIPLIERS,
+    PARENT,
+    RESPONSE,
+    WIDTH,
+    MultiBody,
+)
 from rb_sim.mechanics.systems.multibody import coupling, inverse_mass_times
 from rb_sim.numerics.kernels import inline, part, pointer, routine
 from rb_sim.numerics.linear_solves import of_rank
@@ -256,11 +263,11 @@ class Factors:
 
 
 def hasten(system: MultiBody, y: list[Any]) -> None:
-    """Add push to the velocities."""
+    """Add response to the velocities."""
     for i in range(len(y) // WIDTH):
         for j in range(6):
             k = WIDTH * i + 7 + j
-            y[k] = y[k] + system.bodies[i, PUSH + j]
+            y[k] = y[k] + system.bodies[i, RESPONSE + j]
 
 
 def with_object_tables(system: MultiBody) -> MultiBody:

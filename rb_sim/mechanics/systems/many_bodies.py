@@ -28,7 +28,7 @@ from rb_sim.numerics.vectors import add, cross, dot, rotate, scale, sub, unrotat
 
 WIDTH = 13
 """Coordinates of one body: p_WC (3), q_WB (4), v_WC (3), w_WB_B (3)."""
-MASS, INERTIA, INVERSE, PUSH, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
+MASS, INERTIA, INVERSE, RESPONSE, LOAD, BODY_WIDTH = 0, 1, 7, 13, 19, 25
 """Columns of MultiBody.bodies."""
 BODY, PARENT, ORDER, ANGLE, ROW_TABLE_COLUMNS = 0, 1, 2, 3, 4
 """Columns of MultiBody.row_table; ANGLE is 1 if a row's error is an angle, else 0."""
@@ -43,8 +43,8 @@ class MultiBody(NamedTuple):
     """
 
     bodies: np.ndarray
-    """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then workspace: push = M^-1 (f +
-    G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
+    """mass, inertia about C (xx, yy, zz, xy, xz, yz), its inverse; then workspace: response = M^-1
+    (f + G^T lambda) and load = active [force (world), torque (body)]; shape (N, 25)."""
     row_table: np.ndarray
     """body and parent (-1: world) of each row, workspace, and whether its error is an angle;
     integers, shape (n, ROW_TABLE_COLUMNS)."""
@@ -74,7 +74,7 @@ class MultiBody(NamedTuple):
 def without_work_space(system):
     """The system with a zero workspace."""
     bodies, row_table = system.bodies.copy(), system.row_table.copy()
-    bodies[:, PUSH:] = 0.0
+    bodies[:, RESPONSE:] = 0.0
     row_table[:, ORDER] = 0
     workspace = {
         name: np.zeros_like(getattr(system, name)) for name in ("rows", "vectors", "anchors")

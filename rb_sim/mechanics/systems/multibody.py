@@ -29,7 +29,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     MASS,
     MULTIPLIERS,
     PARENT,
-    PUSH,
+    RESPONSE,
     ROW_TABLE_COLUMNS,
     WIDTH,
     MultiBody,
@@ -92,46 +92,46 @@ def rise_of(system, j, b, a, of_body, of_parent):
 
 
 @inline
-def add_push(bodies, i, force, turn, s):
-    """Add s times (force, turn) to the push of body i."""
+def add_response(bodies, i, force, turn, s):
+    """Add s times (force, turn) to the response of body i."""
     for j in range(3):
-        bodies[i, PUSH + j] += s * force[j]
-        bodies[i, PUSH + 3 + j] += s * turn[j]
+        bodies[i, RESPONSE + j] += s * force[j]
+        bodies[i, RESPONSE + 3 + j] += s * turn[j]
 
 
 @inline
-def clear_push(system):
-    """Set the push of all bodies to zero."""
+def clear_response(system):
+    """Set the response of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            system.bodies[i, PUSH + j] = 0.0
+            system.bodies[i, RESPONSE + j] = 0.0
 
 
 @inline
 def add_multiplier(system, k, x):
-    """push += M^-1 J^T x for row k."""
+    """response += M^-1 J^T x for row k."""
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     force, turn = inverse_mass_times(system, b, k, 0)
-    add_push(system.bodies, b, force, turn, x)
+    add_response(system.bodies, b, force, turn, x)
     if a >= 0:
         force, turn = inverse_mass_times(system, a, k, 6)
-        add_push(system.bodies, a, force, turn, x)
+        add_response(system.bodies, a, force, turn, x)
 
 
 @inline
 def add_multipliers(system):
-    """push += M^-1 G^T lambda."""
+    """response += M^-1 G^T lambda."""
     for k in range(system.row_table.shape[0]):
         add_multiplier(system, k, system.vectors[MULTIPLIERS, k])
 
 
 @inline
-def row_times_push(system, k):
-    """G push of row k."""
+def row_times_response(system, k):
+    """G response of row k."""
     bodies, b, a = system.bodies, system.row_table[k, BODY], system.row_table[k, PARENT]
-    s = coupling(system.rows, k, 0, vec(bodies, b, PUSH), vec(bodies, b, PUSH + 3))
+    s = coupling(system.rows, k, 0, vec(bodies, b, RESPONSE), vec(bodies, b, RESPONSE + 3))
     if a >= 0:
-        s += coupling(system.rows, k, 6, vec(bodies, a, PUSH), vec(bodies, a, PUSH + 3))
+        s += coupling(system.rows, k, 6, vec(bodies, a, RESPONSE), vec(bodies, a, RESPONSE + 3))
     return s
 
 
@@ -162,7 +162,7 @@ def clear_loads(system):
 
 @inline
 def free_accelerations(system, y):
-    """push = accelerations (world, body axes) under the loads alone."""
+    """response = accelerations (world, body axes) under the loads alone."""
     bodies = system.bodies
     for i in range(bodies.shape[0]):
         w = state_of(y, i).w_WB_B
@@ -170,8 +170,8 @@ def free_accelerations(system, y):
         turn = gyroscopic(six(bodies, i, INERTIA), w)
         alpha = symmetric_times(six(bodies, i, INVERSE), sub(vec(bodies, i, LOAD + 3), turn))
         for j in range(3):
-            bodies[i, PUSH + j] = a[j]
-            bodies[i, PUSH + 3 + j] = alpha[j]
+            bodies[i, RESPONSE + j] = a[j]
+            bodies[i, RESPONSE + 3 + j] = alpha[j]
 
 
 @write_rows.register(MultiBody)
@@ -181,13 +181,13 @@ def write_constraint_rows(system, t, y):
 
 
 @inline
-def move_by_push(system, y):
-    """Displace and rotate every body by push, taken as a small displacement."""
+def move_by_response(system, y):
+    """Displace and rotate every body by response, taken as a small displacement."""
     for i in range(system.bodies.shape[0]):
         B, k = state_of(y, i), WIDTH * i
-        turn = quaternion_rate(B.q_WB, vec(system.bodies, i, PUSH + 3))
+        turn = quaternion_rate(B.q_WB, vec(system.bodies, i, RESPONSE + 3))
         for j in range(3):
-            y[k + j] += system.bodies[i, PUSH + j]
+            y[k + j] += system.bodies[i, RESPONSE + j]
         q = quaternion_unit(
             (B.q_WB[0] + turn[0], B.q_WB[1] + turn[1], B.q_WB[2] + turn[2], B.q_WB[3] + turn[3])
         )
@@ -197,7 +197,7 @@ def move_by_push(system, y):
 
 @inline
 def put_rates(system, y, dy):
-    """dy/dt of all bodies, with accelerations from push."""
+    """dy/dt of all bodies, with accelerations from response."""
     for i in range(system.bodies.shape[0]):
         B, k = state_of(y, i), WIDTH * i
         turn = quaternion_rate(B.q_WB, B.w_WB_B)
@@ -206,7 +206,7 @@ def put_rates(system, y, dy):
         for j in range(4):
             dy[k + 3 + j] = turn[j]
         for j in range(6):
-            dy[k + 7 + j] = system.bodies[i, PUSH + j]
+            dy[k + 7 + j] = system.bodies[i, RESPONSE + j]
 
 
 @inline

@@ -39,7 +39,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     rim_touching,
     slope_of,
 )
-from rb_sim.catalogue.geometry.pairs import Touch
+from rb_sim.catalogue.geometry.pairs import ContactPoint
 from rb_sim.catalogue.spec import BodyState
 from rb_sim.numerics.vectors import ZERO
 from tests.catalogue.geometry.test_curved import AT, AXIS, body_and_support
@@ -109,7 +109,7 @@ def test_rates(seed: int, alone: float, sense: float) -> None:
     low = floats((1.0 if sense > 0.0 else -1.0) * np.array(lean.low))
     before = Lean(low, lean.axis, sense)
 
-    def touch_at(B: Any, A: Any) -> Touch:
+    def touch_at(B: Any, A: Any) -> ContactPoint:
         return rim_touching(pair, B, A, before)[0]
 
     if alone:

@@ -183,7 +183,7 @@ def one_leap(body: dict, contact: dict, length: float) -> tuple[Any, list[float]
     instant = Instant(motion.laws, motion._call, 0.0, start)
     assert leap(instant, length) is not None
     bring_back(instant)
-    left = [*instant.system.touch[0, [GAP, GAP_RATE]].tolist(), instant.slip_speed(0)]
+    left = [*instant.system.contact_table[0, [GAP, GAP_RATE]].tolist(), instant.slip_speed(0)]
     motion.run_to(np.array([length]))
     return instant.y[7:13], [float(np.abs(instant.y - motion._grid.y)[7:13].max()), *left]
 
@@ -274,7 +274,7 @@ def slip_after_one_impact() -> float:
     motion: Any = Simulation(load_scene(lying))._motion
     y = np.array(motion.compiled.y)
     y[7] = 0.1
-    motion.system.touch[0, CLOSED] = 1.0
+    motion.system.contact_table[0, CLOSED] = 1.0
     instant = Instant(motion.laws, motion._call, 0.0, y)
     assert instant.slip_speed(0) > 0.05
     assert strike(instant.system, instant.workspace, 0.0, y, False) == STRUCK

@@ -151,7 +151,7 @@ def overlap_seen() -> float:
     compiled = compile_scene(load_scene(scene(ball, touch())))
     y, out = compiled.y.copy(), np.zeros(row_width(compiled.layout))
     y[2] -= 1e-3
-    compiled.system.touch[:, CLOSED] = 0.0
+    compiled.system.contact_table[:, CLOSED] = 0.0
     sample(compiled.system, 0.0, y, out)
     return float(out[-1 - len(compiled.layout.contacts) - 1])
 

@@ -26,12 +26,12 @@ from rb_sim import Simulation
 from rb_sim.contact.events.shares import Reactions, cones_of, undetermined_at_start
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
+    CONTACT_TABLE_WIDTH,
     NORMAL_SIGN,
     ROLL,
     SLIDE,
     SPIN,
     SPRING,
-    TOUCH_WIDTH,
 )
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.scene.compile import compile_scene
@@ -113,12 +113,12 @@ def test_the_bounds_of_contacts_by_hand() -> None:
     """Each as a force along the normal: of x = least + self-stress y the normal one, friction over
     its coefficient and torques over their arms.  One that may pull has its side, one that gives way
     pushes as it does, over the unit; what slips or is open has no bound."""
-    touch_of = np.zeros((5, TOUCH_WIDTH))
-    touch_of[:, CLOSED] = 1.0, 1.0, 1.0, 0.0, 1.0
-    touch_of[:, SLIDE] = STUCK, STUCK, SLIDING, STUCK, STUCK
-    touch_of[0, [ROLL, SPIN]] = STUCK
-    touch_of[1, [NORMAL_SIGN, SPIN]] = -1.0, STUCK
-    touch_of[2, [SPRING, ROLL, SPIN]] = 6.0, STUCK, NONE
+    contact_table_of = np.zeros((5, CONTACT_TABLE_WIDTH))
+    contact_table_of[:, CLOSED] = 1.0, 1.0, 1.0, 0.0, 1.0
+    contact_table_of[:, SLIDE] = STUCK, STUCK, SLIDING, STUCK, STUCK
+    contact_table_of[0, [ROLL, SPIN]] = STUCK
+    contact_table_of[1, [NORMAL_SIGN, SPIN]] = -1.0, STUCK
+    contact_table_of[2, [SPRING, ROLL, SPIN]] = 6.0, STUCK, NONE
     laws = [
         SimpleNamespace(
             static=mu, rolling_arm=roll, spinning_arm=spin, compliant=soft, bilateral=two
@@ -134,7 +134,7 @@ def test_the_bounds_of_contacts_by_hand() -> None:
     held = [5, 6, 7, 8, 9, 10, 11, 12, 13, 16, 20, 21, 33, 34, 35]
     rng = np.random.default_rng(4)
     least, stress = rng.normal(size=15), rng.normal(size=(15, 2))
-    system = SimpleNamespace(touch=touch_of)
+    system = SimpleNamespace(contact_table=contact_table_of)
     at: Any = SimpleNamespace(system=system, laws=laws, first=[5, 11, 17, 23, 33])
     cones = cones_of(at, Reactions(held, least, stress, 3.0))
 

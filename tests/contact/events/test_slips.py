@@ -300,7 +300,7 @@ def end_by_an_implicit_method() -> float:
 
     def slip(t: float, y: np.ndarray) -> float:
         contact_accelerations(system, t, y)
-        return float(np.linalg.norm(system.touch[0, SLIP : SLIP + 3])) - SLIPS
+        return float(np.linalg.norm(system.contact_table[0, SLIP : SLIP + 3])) - SLIPS
 
     slip.terminal = True  # type: ignore[attr-defined]
     found = solve_ivp(

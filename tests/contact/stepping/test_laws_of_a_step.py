@@ -45,7 +45,7 @@ TURNS = np.array([0.0, 0.0, 1.7])
 """Of the floor under b [rad/s]."""
 
 
-class Touch(NamedTuple):
+class ContactPoint(NamedTuple):
     """A contact: on body, from parent (None: the floor), e, and whether its support turns."""
 
     body: str
@@ -55,10 +55,10 @@ class Touch(NamedTuple):
 
 
 TOUCHES = {
-    "a_floor": Touch("a", None),
-    "b_floor": Touch("b", None, 0.4, True),
-    "c_a": Touch("c", "a", 0.5),
-    "c_b": Touch("c", "b"),
+    "a_floor": ContactPoint("a", None),
+    "b_floor": ContactPoint("b", None, 0.4, True),
+    "c_a": ContactPoint("c", "a", 0.5),
+    "c_b": ContactPoint("c", "b"),
 }
 
 
@@ -145,7 +145,7 @@ def stepped(seed: int) -> Step:
     return Step(before, after, impulses, modes, turning, energy, float(last.contact_work[-1]))
 
 
-def normal_of(touch: Touch) -> np.ndarray:
+def normal_of(touch: ContactPoint) -> np.ndarray:
     """From the support to the body."""
     if touch.parent is None:
         return np.array([0.0, 0.0, 1.0])
@@ -153,7 +153,7 @@ def normal_of(touch: Touch) -> np.ndarray:
     return way / np.linalg.norm(way)
 
 
-def relative(touch: Touch, velocities: Any) -> tuple[np.ndarray, np.ndarray]:
+def relative(touch: ContactPoint, velocities: Any) -> tuple[np.ndarray, np.ndarray]:
     """(velocity of the body's surface over that of its support at their point, relative spin)."""
     normal = normal_of(touch)
     point = PLACES[touch.body] - RADIUS * normal

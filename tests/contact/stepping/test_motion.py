@@ -166,7 +166,7 @@ SHAKE, RATTLE = 1e-3, 12.0
 """A force along x on what is in flight, a support that goes up and down [N, rad/s; m, rad/s]."""
 
 
-def pushed(start: float, steps: int) -> float:
+def had_impulse(start: float, steps: int) -> float:
     """Velocity along x of what flies, after so many steps of 10 ms."""
     push = {
         "type": "wrench", "body": "body", "sine_force": [FORCE, 0, 0],
@@ -209,7 +209,7 @@ def test_loads_are_those_of_the_middle_of_a_step(start: float) -> None:
     for steps in (1, 4):
         middles = start + 0.01 * (np.arange(steps) + 0.5)
         force = FORCE * np.sin(OMEGA * middles + PHASE)
-        found = interpreted(pushed, start, steps)
+        found = interpreted(had_impulse, start, steps)
         assert found == pytest.approx(0.01 * force.sum(), rel=1e-9)
 
 

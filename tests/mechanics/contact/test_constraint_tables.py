@@ -185,9 +185,11 @@ def test_what_an_evaluation_leaves_behind_disturbs_no_step(name: str) -> None:
     a, b = np.empty((2, 1, plain.width))
     for t in times:
         plain.run_to(np.array([t]), a)
-        kept = spoilt.system.touch[:, : contact_bodies.FIRST_OF_SCRATCH].copy()
-        spoilt.system.touch[:, contact_bodies.FIRST_OF_SCRATCH :] = np.nan
+        kept = spoilt.system.contact_table[:, : contact_bodies.FIRST_OF_SCRATCH].copy()
+        spoilt.system.contact_table[:, contact_bodies.FIRST_OF_SCRATCH :] = np.nan
         spoilt.run_to(np.array([t]), b)
         assert a.tobytes() == b.tobytes(), t
     assert len(plain.events) == len(spoilt.events) > 0
-    assert not np.array_equal(kept, spoilt.system.touch[:, : contact_bodies.FIRST_OF_SCRATCH])
+    assert not np.array_equal(
+        kept, spoilt.system.contact_table[:, : contact_bodies.FIRST_OF_SCRATCH]
+    )
