@@ -29,6 +29,7 @@ from rb_sim.base.errors import MissingExtraError
 from rb_sim.base.palette import CYCLE, GRID, MOTIONS, TEXT, rgb
 from rb_sim.base.rounding import NEGLIGIBLE
 from rb_sim.io.panels import LEAST_DRAWN
+from rb_sim.io.rerun.arrow_scales import local_origin
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.numerics.rotations import other_triple, roll_pitch_yaw, without_jumps
 
@@ -261,13 +262,15 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
     recording.save(str(path))
     recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     center, size = _extent(a.bodies[name] for name in found.pairs)
+    origin = local_origin(center, size)
     for name, other in found.pairs.items():
         if name not in found.t:
             continue
-        on_clock = _on_clock(b.bodies[other], found)
+        one, two = _from(origin, a.bodies[name]), _from(origin, _on_clock(b.bodies[other], found))
         # axes of different length, so that neither hides the other
-        _motion(rr, recording, f"world/A/{name}", a.bodies[name], rgb(MOTIONS["A"]), 0.25 * size)
-        _motion(rr, recording, f"world/B/{name}", on_clock, rgb(MOTIONS["B"]), 0.2 * size)
+        for which, track, length in (("A", one, 0.25 * size), ("B", two, 0.2 * size)):
+            entity = rr.new_entity_path(["world", which, name])
+            _motion(rr, recording, entity, track, rgb(MOTIONS[which]), length)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
@@ -278,7 +281,7 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
     every = found.series.values()
     plots = [q for q in UNITS if any(q in s and s[q].max() > found.floors[q] for s in every)]
     views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
-    scene = _view(rrb, "A blue, B orange", center, size)
+    scene = _view(rrb, "A blue, B orange", center, size, origin)
     beside = [rrb.Vertical(*views)] if views else []
     _end(recording, rrb, rrb.Horizontal(scene, *beside))
 
@@ -298,6 +301,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
     start, end = (float(pick(pick(track.t) for track in shown.values())) for pick in (min, max))
     zero = start if abs(start) > CALENDAR else 0.0
     center, size = _extent(shown.values())
+    origin = local_origin(center, size)
     plots: set[str] = set()
 
     def plot(quantity: str, name: str, t: np.ndarray, values: np.ndarray | None) -> None:
@@ -311,7 +315,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
         plots.add(quantity)
 
     for k, (name, track) in enumerate(shown.items()):
-        on_clock = replace(track, t=track.t - zero)
+        on_clock = _from(origin, replace(track, t=track.t - zero))
         entity = rr.new_entity_path(["world", name])
         _motion(rr, recording, entity, on_clock, rgb(CYCLE[k % len(CYCLE)]), FRAME * size)
         plot("position", name, track.t, track.position)
@@ -321,7 +325,7 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
     for name, wrench in tracks.reactions.items():
         plot("force", name, wrench.t, wrench.values[:, :3])
         plot("torque", name, wrench.t, wrench.values[:, 3:])
-    scene = _view(rrb, MOTION, center, size)
+    scene = _view(rrb, MOTION, center, size, origin)
     units = {**UNITS, "orientation": "x, y, z, w"}
     views = [
         rrb.TimeSeriesView(origin=f"plots/{q}", name=f"{q} [{unit}]")
@@ -345,7 +349,15 @@ def _rerun(what: str) -> tuple[Any, Any]:
         raise MissingExtraError("rerun-sdk", "rerun", what) from None
 
 
-def _view(rrb: Any, name: str, center: np.ndarray, size: float) -> Any:
+def _from(origin: np.ndarray, track: Track) -> Track:
+    """The track relative to the local origin [m], in single precision still smooth."""
+    return replace(track, position=track.position - origin)
+
+
+def _view(rrb: Any, name: str, center: np.ndarray, size: float, origin: np.ndarray) -> Any:
+    """A 3D view, named with the local origin if there is one."""
+    if origin.any():
+        name, center = f"{name} (relative to {origin.tolist()} m)", center - origin
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=center + size * EYE,

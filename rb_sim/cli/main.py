@@ -41,11 +41,13 @@ INTERRUPTED = 130
 
 
 class PlainFlags(TyperCommand):
-    """A verb whose help shows no type behind a flag."""
+    """A verb that refuses empty arguments, and whose help shows no type behind a flag."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """As the base class; an error knows whose --help to name also without its value."""
         try:
+            if not ctx.ignore_unknown_options:
+                _refuse_empty(args)
             return super().parse_args(ctx, args)
         except Exception as error:
             if hasattr(error, "format_message") and getattr(error, "ctx", None) is None:
@@ -80,6 +82,14 @@ class OneLineErrors(TyperGroup):
                 raise
             code = _complain(error)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _refuse_empty(args: list[str]) -> None:
+    """Refuse an empty word: as a path it would be the current folder. Raises typer.BadParameter."""
+    for before, word in zip(["", *args], args, strict=False):
+        if not word or re.fullmatch(r"--[\w-]+=", word):
+            option = before if before.startswith("-") and before != "--" else "an argument"
+            raise typer.BadParameter("an empty text", param_hint=word.rstrip("=") or option)
 
 
 def _without_types(params: list[Any]) -> list[Any]:

@@ -47,6 +47,10 @@ DENSEST = 3e5
 """Density [kg/m^3] above which a mass is probably given in grams: osmium has 2.3e4, water in grams
 1e6."""
 
+LIGHTEST = 3e-5
+"""Density [kg/m^3] below which lengths are probably given in millimetres: aerogel has 0.2, osmium
+2.3e-5 kg/mm^3."""
+
 ANGLES = {"phase", "rest_angle"}
 """Keys of effects that hold an angle [rad]."""
 
@@ -64,11 +68,13 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
             yield from _quaternion(f"bodies.{name}.orientation", [float(x) for x in written])
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
-        yield from _grams(name, scene.bodies[name])
+        yield from _density(name, scene.bodies[name])
     for part in ("effects", "loads"):
         for name, given in (data.get(part) or {}).items():
             for key in ANGLES & given.keys() if isinstance(given, Mapping) else ():
                 yield from _angle(f"{part}.{name}.{key}", given[key])
+    for name, effect in scene.effects.items():
+        yield from _silent_wave(f"effects.{name}.angular_frequency", effect)
     for name, spec in scene.constraints.items():
         yield from _plane(f"constraints.{name}.surface", spec, scene)
     if scene.at_rest:
@@ -87,10 +93,12 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
 
 
 def _quaternion(key: str, q: list[float]) -> Iterator[str]:
-    if q == [1.0, 0.0, 0.0, 0.0]:
+    if q[0] != 0.0 and q[3] == 0.0:
+        axis, w_first = (render([float(f"{x:.6g}") for x in of]) for of in (q[:3], q[1:] + q[:1]))
         yield (
-            f"{key}: [1, 0, 0, 0] is half a turn about x, since the order is [x, y, z, w]; for no "
-            "rotation use [0, 0, 0, 1], for half a turn {axis: [1, 0, 0], angle: 180 deg}"
+            f"{key}: {render(q)} is half a turn about {axis}, since the order is [x, y, z, w]; if "
+            f"w is meant to be first use {w_first}, for half a turn {{axis: {axis}, angle: 180 "
+            "deg}"
         )
     elif abs(math.hypot(*q) - 1.0) > FAR_FROM_UNIT:
         yield (
@@ -109,14 +117,25 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
         )
 
 
-def _grams(name: str, body: Body) -> Iterator[str]:
+def _density(name: str, body: Body) -> Iterator[str]:
     """Warn of a mass that no solid has within the radius of the body's shape."""
     reach = 0.0 if body.shape is None else body.shape.reach
-    if reach > 0.0 and body.mass > DENSEST * 4.0 / 3.0 * math.pi * reach**3:
+    density = body.mass / (4.0 / 3.0 * math.pi * reach**3) if reach > 0.0 else 1.0
+    about = f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is"
+    if density > DENSEST:
         yield (
-            f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is denser than "
-            f"any solid; masses are in kg (from grams: {1e-3 * body.mass:g}), lengths in m"
+            f"{about} denser than any solid; masses are in kg (from grams: "
+            f"{1e-3 * body.mass:g}), lengths in m"
         )
+    if density < LIGHTEST:
+        yield f"{about} lighter than any solid; lengths are in m (from mm: {1e-3 * reach:.3g})"
+
+
+def _silent_wave(key: str, effect: Any) -> Iterator[str]:
+    """Warn of a harmonic force that is zero at all times."""
+    waves = (*getattr(effect, "sine_force", ()), *getattr(effect, "sine_torque", ()))
+    if any(waves) and effect.angular_frequency == effect.phase == 0.0:
+        yield f"{key}: is 0, so that the harmonic part is zero; must be given [rad/s]"
 
 
 def _plane(key: str, spec: Any, scene: Scene) -> Iterator[str]:

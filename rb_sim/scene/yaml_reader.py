@@ -298,6 +298,7 @@ _INT = re.compile(r"[-+]?[0-9]+")
 _HEX = re.compile(r"(0x[0-9a-fA-F]+|0o[0-7]+)\Z")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?\Z")
 _INF = re.compile(r"[-+]?\.(inf|Inf|INF)")
+_NO_BLANK = re.compile(r"[\s{-]*(\w+):([^\s:].*)")
 _NUMBER_STARTS = "0123456789+-."
 _NAN = re.compile(r"\.(nan|NaN|NAN)")
 
@@ -350,10 +351,20 @@ def parse(text: str, file: str) -> Any:
         lines = text.split("\n")
         if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
             problem = "found a tab; must be spaces"
+        problem += _blank_missing(lines, mark.line) if mark else ""
         raise scene_error(f"is not YAML: {where}{problem}", (), file) from None
     except (yaml.YAMLError, UnicodeError) as error:
         first_line = next(iter(str(error).splitlines()), "syntax error")
         raise scene_error(f"is not YAML: {first_line}", (), file) from None
+
+
+def _blank_missing(lines: list[str], at: int) -> str:
+    """Text that names line `at` or the one above if a value follows its colon without a blank: the
+    parser takes `mass:1` and the line below as one text, and fails behind it."""
+    for i in (at, at - 1):
+        if found := _NO_BLANK.match(lines[i] if 0 <= i < len(lines) else ""):
+            return f"; line {i + 1} needs a blank after the colon: {': '.join(found.groups())}"
+    return ""
 
 
 def scalar(text: str) -> Any:
@@ -475,8 +486,21 @@ class _Builder:
                     (*path, key), event, f"is given twice, first in line {lines[key]}"
                 )
             lines[key] = line
-            data[key] = self._value(next(self._events), (*path, key))
+            value = next(self._events)
+            if event.implicit[0]:
+                self._check_plain_key(key, event, value, path)
+            data[key] = self._value(value, (*path, key))
         return data
+
+    def _check_plain_key(self, key: str, event: Any, value: Any, path: tuple[str, ...]) -> None:
+        """Refuses `<<`, and `{mass:1}`, which is a key `mass:1` without a value."""
+        if key == "<<":
+            problem = "merge keys are not read; write the keys out, or use *NAME for a whole value"
+            raise self._error((*path, key), event, problem)
+        empty = isinstance(value, yaml.ScalarEvent) and not value.value and value.implicit[0]
+        if empty and (found := _NO_BLANK.fullmatch(key)):
+            problem = f"needs a blank after the colon: {': '.join(found.groups())}"
+            raise self._error((*path, key), event, problem)
 
     def _error(self, path: tuple[str, ...], event: Any, problem: str) -> SceneError:
         line = event.start_mark.line + 1

@@ -22,6 +22,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.accuracy import auto
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.checks.step_search import advice_for
+from rb_sim.cli.verbs.linearize import linearize
 from rb_sim.cli.verbs.run import FAILED, RunOptions, run
 from rb_sim.compiler import shipped
 from rb_sim.compiler.builder import INTEGER
@@ -164,6 +165,14 @@ def test_a_run_in_python_is_given_up_too(monkeypatch: pytest.MonkeyPatch) -> Non
     with pytest.raises(SimulationError, match=r"^given up after .* years more at this pace"):
         simulation.run()
     assert len(reported) == 1 and "at this pace" in reported[0]
+
+
+def test_a_linear_model_of_a_state_years_away_is_given_up_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pieces, "EFFORT", 0.05)
+    with pytest.raises(SimulationError, match=r"^given up after .* years more at this pace"):
+        linearize("heavy_top", at=1e12, axes="world", turning=0.0, out=None)
 
 
 def test_the_search_of_auto_does_not_begin_runs_of_years(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from rb_sim.bags.comparison_views import drawn, motion_of
-from rb_sim.bags.tracks import tracks_of_bag
+from rb_sim.bags.compare import differences
+from rb_sim.bags.comparison_views import drawn, motion_of, overlay
+from rb_sim.bags.tracks import Tracks, tracks_of_bag
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.cli.verbs.replay import PlayOptions, play, replay
 from tests.bags.analysis import foreign
@@ -27,6 +28,9 @@ from tests.bags.analysis.test_foreign import TF, P, Q, T, transforms, writing
 from tests.bags.analysis.test_foreign import pose as stamped
 from tests.fit.test_foreign import poses, pushes, write
 from tests.io.test_rerun import column, needs_rerun, run
+
+CART = r"\/cart\/pose"
+"""The topic as one part of an entity's path."""
 
 
 @needs_rerun
@@ -44,6 +48,32 @@ def test_replay_draws_the_poses_of_others_at_their_times(tmp_path, plugin, capsy
     times, rows = column(tmp_path / "x.rrd", "/plots/force/\\/cart\\/push", "Scalars:scalars")
     assert np.array(rows)[:, 0].tolist() == [3.0, -6.0, 0.0, 4.0]
     assert times[0] == pytest.approx(-0.05e9, abs=1e3)
+
+
+@needs_rerun
+def test_poses_on_a_map_are_drawn_about_a_local_origin(tmp_path):
+    """In single precision a northing of 4,200 km has steps of 0.5 m."""
+    tracks = tracks_of_bag(write(tmp_path / "bag", poses()))
+    track = tracks.bodies["/cart/pose"]
+    way = track.position.copy()
+    track.position[:] += [5e5, 4.2e6, 0.0]
+    motion_of(tracks, tmp_path / "x.rrd")
+    found = differences(tracks, tracks)
+    overlay(tracks, tracks, found, tmp_path / "y.rrd")
+    for file, name in (("x", CART), ("y", f"A/{CART}"), ("y", f"B/{CART}")):
+        _, rows = column(tmp_path / f"{file}.rrd", f"/world/{name}", "Transform3D:translation")
+        assert np.ptp(np.array(rows)[:, 0] - way, axis=0) == pytest.approx(0.0, abs=1e-6)
+
+
+@needs_rerun
+def test_names_with_blanks_are_drawn_without_a_word_of_rerun(tmp_path, capfd):
+    """Names of a scene may have blanks and brackets, which paths of entities do not take."""
+    track = tracks_of_bag(write(tmp_path / "bag", poses())).bodies["/cart/pose"]
+    tracks = Tracks("x", {"wheel (left)": track})
+    overlay(tracks, tracks, differences(tracks, tracks), tmp_path / "x.rrd")
+    assert capfd.readouterr().err == ""
+    times, _ = column(tmp_path / "x.rrd", r"/world/B/wheel\ \(left\)", "Transform3D:translation")
+    assert len(times) == len(track.t)
 
 
 def test_its_span_is_that_of_the_poses(tmp_path):

@@ -47,7 +47,10 @@ def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
     [
         # of a box its lower corners, not the upper ones; the gap is 0 or rounding of either sign
         ("incline_block", 0.5, ": closed; largest overlap", 4),
-        ("bouncing_ball", 0.1, "never closed; smallest gap 0.", 1),
+        ("bouncing_ball", 0.1, "open at all samples; smallest gap 0.", 1),
+        # an impact between samples, which these do not show
+        ("bouncing_ball", 1.0, "open at all samples; smallest gap 0.", 1),
+        ("bouncing_ball", 1.0, "events: 1 impact", 1),
     ],
 )
 def test_a_contact_that_carries_the_load_touches(tmp_path, scene, duration, said, times):

@@ -62,6 +62,9 @@ def test_bad_scene(name, tmp_path):
         (("run",), "error: Missing argument"),
         (("run", "heavy_top", "--fast"), "error: No such option"),
         (("run", "heavy_top", "--rate", "quick"), "error: --rate: got 'quick'; must be a number;"),
+        (("run", "heavy_top", "--out", ""), "error: Invalid value for --out: an empty text; see"),
+        (("run", "heavy_top", "--npz="), "error: Invalid value for --npz: an empty text; see rb_"),
+        (("info", ""), "error: Invalid value for an argument: an empty text; see rb_sim info"),
         (("sweep", "coin", "--workers", "2.5"), "error: --workers: got '2.5'; must be a whole"),
         (("run", "heavy_top", "pendulum"), "error: Got unexpected extra argument"),
         (

@@ -84,7 +84,13 @@ def test_a_text_that_is_no_angle_is_refused(text):
 @pytest.mark.parametrize(
     ("orientation", "words"),
     [
-        ([1, 0, 0, 0], "half a turn about x"),
+        (
+            [1, 0, 0, 0],
+            "half a turn about [1.0, 0.0, 0.0], since the order is [x, y, z, w]; if w "
+            "is meant to be first use [0.0, 0.0, 0.0, 1.0], for half a turn {axis: [1.0, 0.0, 0.0]",
+        ),
+        ([0.8, 0.6, 0, 0], "if w is meant to be first use [0.6, 0.0, 0.0, 0.8], for half a turn"),
+        ([0.8, 0, 0.6, 0], "half a turn about [0.8, 0.0, 0.6]"),
         ([0, 0, 1, 1], "length 1.414"),
         ([0, 0, 90, 1], "length 90.01"),
     ],
@@ -96,7 +102,14 @@ def test_a_quaternion_of_another_order_or_length_gets_one_line(orientation, word
 
 @pytest.mark.parametrize(
     "orientation",
-    [[0, 0, 0, 1], [0.5, 0.5, 0.5, 0.5], [0.71, 0, 0, 0.71], {"axis": [1, 0, 0], "angle": 3.14159}],
+    [
+        [0, 0, 0, 1],
+        [0, 1, 0, 0],
+        [0.6, 0, 0, 0.8],
+        [0.5, 0.5, 0.5, 0.5],
+        [0.71, 0, 0, 0.71],
+        {"axis": [1, 0, 0], "angle": 3.14159},
+    ],
 )
 def test_what_is_meant_gets_none(orientation):
     assert lines(scene(orientation)) == []
@@ -133,6 +146,28 @@ def test_grams_get_one_line_with_the_kilograms():
     (line,) = lines({"bodies": {"ball": BALL | {"mass": 500.0}}, "effects": WEIGHT})
     assert "bodies.ball.mass: 500 kg within a radius of 0.05 m" in line and "grams: 0.5" in line
     assert lines({"bodies": {"ball": BALL | {"mass": 12.0}}, "effects": WEIGHT}) == []  # osmium
+
+
+def test_millimetres_get_one_line_with_the_metres():
+    """In kg/mm^3 no solid is as dense as a ball of 1 m filled with gas is in kg/m^3."""
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 50.0}}
+    (line,) = lines({"bodies": {"ball": ball}, "effects": WEIGHT})
+    assert "bodies.ball.mass: 1 kg within a radius of 50 m is lighter than any solid" in line
+    assert "from mm: 0.05" in line
+    for mass in (1e-3, 3e4):
+        ball = {"mass": mass, "shape": {"type": "sphere", "radius": 1.0}}
+        assert lines({"bodies": {"ball": ball}, "effects": WEIGHT}) == []
+
+
+def test_a_harmonic_force_without_a_frequency_gets_one_line():
+    push = {"type": "wrench", "body": "a", "sine_torque": [0, 0, 1]}
+
+    def heard(**given: Any) -> list[str]:
+        return lines(scene([0, 0, 0, 1], effects={"push": push | given}))
+
+    (line,) = heard()
+    assert "effects.push.angular_frequency: is 0, so that the harmonic part is zero" in line
+    assert heard(angular_frequency=1.0) == heard(phase=1.0) == []
 
 
 def test_a_support_with_a_shape_that_is_not_named_gets_one_line():

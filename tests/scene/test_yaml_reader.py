@@ -70,6 +70,12 @@ def test_scalar(text: str, value: object) -> None:
     assert type(got) is type(value)
 
 
+def test_keys_that_only_look_like_mistakes() -> None:
+    """A name may contain colons, a quoted key may be any text."""
+    data = parse("a:1: {b: 2}\n'c:1':\n'<<': 3", "f")
+    assert data == {"a:1": {"b": 2}, "c:1": None, "<<": 3}
+
+
 def test_nan_and_long_numbers() -> None:
     assert math.isnan(parse("a: .NaN", "f")["a"])
     assert parse("a: " + "9" * 10_000, "f")["a"] == math.inf
@@ -130,6 +136,13 @@ CHAIN = "".join(f"a{i + 1}: &a{i + 1} [[[*a{i}]]]\n" for i in range(2000))
         ("a0: &a0 1\n" + CHAIN, r"a11\[0\]\[0\]\[0\]: is nested deeper than 32 levels \(line 12\)"),
         ("a: [1, 2", r"is not YAML: line \d, column \d: "),
         ("a: b: c", "is not YAML: line 1, column 5: mapping values are not allowed"),
+        (
+            "a:\n  b:1\n  c: 2",
+            "line 3, column 4: .* not allowed in this context; line 2 needs a blank .*: b: 1$",
+        ),
+        ("a:\n  c: 1\n  b:[1, 2]\nd:\n", r"; line 3 needs a blank after the colon: b: \[1, 2\]"),
+        ("a:\n  {b:1, c: 2}", r"a.b:1: needs a blank after the colon: b: 1 \(line 2\)"),
+        ("a: &a {b: 1}\nc:\n  <<: *a", r"c.<<: merge keys are not read; write .* \(line 3\)"),
         ("a: \tb\n\tc: 1", "is not YAML: line 2, column 1: found a tab; must be spaces"),
         ("a:\n\tb: 1", "is not YAML: line 2, column 1: found a tab; must be spaces"),
         ("a: \x00", "is not YAML: "),

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
@@ -20,8 +21,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
+from rb_sim.checks.step_search import forecast_for
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.linear import LinearModel
@@ -58,7 +60,8 @@ def linearize(
 
     With `out` also write linear_model.npz, poles.png and, for a model with inputs, bode.png.
     Returns the exit code 0. Raises RbSimError for a scene that cannot be linearised, a negative
-    `at` or a folder that cannot be written; SimulationError if the motion ends before `at`.
+    `at` or a folder that cannot be written; SimulationError if the motion ends before `at` or would
+    take more than a year.
     """
     if not at >= 0.0:
         raise RbSimError(f"--at: got {at!r}; must be a number >= 0 [s]")
@@ -66,7 +69,11 @@ def linearize(
         raise RbSimError(f"--axes: got {axes!r}; must be {' or '.join(AXES)}")
     simulation = Simulation(with_changes(scene, changes, load_scene))
     check_smooth(simulation.layout)  # before contacts are compiled
-    simulation.advance(at)
+    forecast = forecast_for(
+        simulation.scene, at, lambda line: print(f"warning: {line}", file=sys.stderr, flush=True)
+    )
+    if not simulation.advance(at, forecast.goes_on):
+        raise SimulationError(forecast.given_up)
     model = simulation.linearize(axes, turning)
     console = plain_console(soft_wrap=False)
     is_steady = steady(simulation, model, axes, turning)

@@ -107,6 +107,7 @@ from rb_sim.integrate.layout import (
     IS_VELOCITY,
     NOT_FINITE,
     SHARE_OF_WAY,
+    STEP_UNDERFLOW,
     UNFINISHED,
     WORK_ROWS,
 )
@@ -257,9 +258,10 @@ SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
 """Events at which a force reaches its bound; where others can take a share, nothing gives."""
 
 
-STALLED_STEPS, STALLED_SPAN = 100_000, 1e-4
+STALLED_STEPS, STALLED_SPAN = 100_000, 1e-3
 """So many steps within so short a time (natural units) are no motion any more: a whole unit of it
-would take a milliard."""
+would take a hundred million, hours. A box on steel takes fewer for several units; the point of a
+rim that comes to touch all round in a bowl takes them for 1e-4 to 6e-4."""
 
 ROUNDING = 1e-13
 """Of the work of contacts, relative to the energy of a scene."""
@@ -385,8 +387,11 @@ class ContactMotion(GridMotion):
         return getattr(self.method, "tolerance", 0.0) == 0.0
 
     def _explain(self, status: int) -> str:
-        """As Motion; also which slips an implicit method may not follow."""
+        """As Motion; also the method for a contact point that no step can follow, as on a rim that
+        comes to touch all round, and which slips an implicit method may not follow."""
         table, text = self.system.contact_table, super()._explain(status)
+        if status == STEP_UNDERFLOW and (table[:, COMPLIANT] == 0.0).any():
+            return f"{text}; {TOOL}"
         slides_with_friction = (
             (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
         )

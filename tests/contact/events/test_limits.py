@@ -93,6 +93,49 @@ def test_what_gives_way_and_hardly_slips_is_no_paradox() -> None:
     np.testing.assert_allclose(*places, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("axis", "offset"), [("x", 0.0), ("y", 0.0), ("x", 0.2)])
+def test_a_can_that_comes_to_stand_in_a_bowl_ends_in_one_line(
+    axis: str, offset: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Let go upright, tilted by 0.1 mrad, its point of contact turns round the rim without bound
+    (or leaps to the other side, where it falls straight) until the rim touches all round."""
+    monkeypatch.setattr(event_motion, "STALLED_STEPS", STALLED_STEPS // 8)
+    monkeypatch.setattr(event_motion, "STALLED_SPAN", STALLED_SPAN / 8)
+    tilt = [5e-5, 0.0, 0.0, 1.0] if axis == "x" else [0.0, 5e-5, 0.0, 1.0]
+    can = {
+        "mass": 1.0,
+        "shape": {"type": "cylinder", "radius": 0.1, "length": 0.3},
+        "position": [0.0, offset, 0.23],
+        "orientation": tilt,
+    }
+    mapping = {
+        "bodies": {"can": can},
+        "constraints": {
+            "bowl": {
+                "type": "contact",
+                "body": "can",
+                "surface": {
+                    "type": "sphere",
+                    "center": [0.0, 0.0, 1.0],
+                    "radius": 1.0,
+                    "side": "inside",
+                },
+            }
+        },
+        "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
+    }
+    events = {"simulation": {"duration": 1.0, "method": "dopri853", "rate": 100}}
+    simulation = Simulation(load_scene(mapping | events))
+    with pytest.raises(SimulationError, match=TOOL):
+        simulation.advance(1.0)
+    stepping = {"simulation": {"duration": 1.0, "method": "time_stepping", "step": 1e-3}}
+    simulation = Simulation(load_scene(mapping | stepping))
+    simulation.advance(1.0)
+    if offset == 0.0:  # it comes to rest upright: its lower rim is at sqrt(1 - 0.1^2) below
+        height = simulation.state.position["can"][2]
+        assert height == pytest.approx(1.0 - 0.99**0.5 + 0.15, abs=1e-3)
+
+
 def test_a_run_that_creeps_names_a_step_that_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a slip that ends, steps of rk4 from one as long as this kept 1 nm/s alive for days."""
     monkeypatch.setattr(event_motion, "STALLED_STEPS", 10_000)
