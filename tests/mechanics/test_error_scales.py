@@ -401,14 +401,14 @@ def test_a_swing_seen_from_a_parent_that_turns_is_held() -> None:
 
 
 def test_an_attitude_is_held_to_what_it_turns_of_the_other_body() -> None:
-    rests = Turn(0.0, 0.0, False)
-    place, turn = Turn(1e-6, 2e-6, True), Turn(1e-4, 3e-4, True)
+    rests = Turn(0.0, 0.0, False, 0.0)
+    place, turn = Turn(1e-6, 2e-6, True, 1.0), Turn(1e-4, 3e-4, True, 1.0)
     assert of_pair(place, turn, 1e-9, 1e-3) == (place, turn)
-    assert of_pair(place, turn, 1e-9, 2.0) == (place, Turn(0.5e-6, 1e-6, True))
-    assert of_pair(place, turn._replace(speed=1e-7), 1e-9, 2.0)[1] == Turn(0.5e-6, 1e-7, True)
-    still = Turn(1.0, 1.0, True)
-    assert of_pair(place, rests, 1e-9, 1e-9) == (place, still)
-    assert of_pair(rests, turn, 1e-9, 2.0) == (still, turn)
+    assert of_pair(place, turn, 1e-9, 2.0) == (place, Turn(0.5e-6, 1e-6, True, 1.0))
+    assert of_pair(place, turn._replace(speed=1e-7), 1e-9, 2.0)[1].speed == 1e-7
+    unmoved = Turn(1.0, 1.0, True, 0.0)
+    assert of_pair(place, rests, 1e-9, 1e-9) == (place, unmoved)
+    assert of_pair(rests, turn, 1e-9, 2.0) == (unmoved, turn)
 
 
 def test_many_pairs_keep_their_digits_as_one_does() -> None:

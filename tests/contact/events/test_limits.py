@@ -21,6 +21,7 @@ from benchmarks.contact.random_scenes import random_scene
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.contact.events import event_motion, limits
+from rb_sim.contact.events.event_motion import STALLED_SPAN, STALLED_STEPS
 from tests.contact.scenes import ball, box, scene, touch
 from tests.interpreted import interpreted
 
