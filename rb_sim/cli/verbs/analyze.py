@@ -184,7 +184,9 @@ def _print_constraints(summary: dict[str, Any] | None) -> None:
         parts = [] if position is None else [_worst(position, "m or rad")]
         print(f"  {name}: {', '.join([*parts, _worst(velocity, 'm/s or rad/s')])}")
     for name, overlap in summary["overlap"].items():
-        kind = "closed; largest overlap" if overlap["touches"] else "open at all samples; smallest gap"
+        kind = (
+            "closed; largest overlap" if overlap["touches"] else "open at all samples; smallest gap"
+        )
         size = abs(max(overlap["largest"], 0.0) if overlap["touches"] else overlap["largest"])
         print(f"  {name}: {kind} {_worst({**overlap, 'largest': size}, 'm')}")
 
