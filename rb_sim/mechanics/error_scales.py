@@ -95,7 +95,9 @@ def measured(v: Numbers, w: Numbers, lengths: Numbers) -> Numbers:
 # the whole motion. The motion is followed from its start in coarse steps, each compared with two of
 # half its length, until all coordinates have turned back or have moved further than a small motion;
 # those that have turned back have errors relative to their amplitude. Only the amplitude is needed:
-# a tenth is accurate enough. It is not found with commands, and for laws that depend on time.
+# a tenth is accurate enough. It is not found with commands, and for laws that depend on time. A free
+# body on stiff springs may not turn back in the steps that are allowed: it is held to what it has
+# moved by then; as it moves on, its distance from the start becomes the scale.
 #
 # Two bodies drift at 1 m/s while a spring moves them apart by a micrometre: errors relative to
 # their positions would leave few digits of that micrometre. If a joint or an effect acts between
@@ -179,7 +181,7 @@ class Turn(NamedTuple):
     turned_back: bool
     """whether it turned back before it moved further than a small motion."""
     time: float
-    """when it did [s]."""
+    """when it did, or when the motion was given up [s]."""
 
 
 Held = dict[int, list[tuple[Group, Turn]]]
@@ -253,13 +255,18 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
         relative += [Group(*place, most, least), Group(*turn, most, least)]
     turns = iter(turns_of(rate, y, [*sum(own.values(), []), *relative], pairs))
     held: Held = {}
+    turned_back = set()
     for body, groups in own.items():
         moved = [(g, turn) for g in groups if (turn := next(turns)).way > g.least]
         back = [(g, turn) for g, turn in moved if turn.turned_back]
-        if back and (len(back) == len(moved) or groups[0].small == SMALL):
+        free = groups[0].small == SMALL
+        if back and (free or len(back) == len(moved)):
             held[body] = back
+            turned_back.add(body)
+        elif free and moved and moved[0][0] is groups[0] and moved[0][1].way < SMALL:
+            held[body] = moved[:1]  # it may go farther: its distance from the start counts as well
     seen = dict(zip(pairs, zip(turns, turns, strict=True), strict=True))
-    together = held_to_parents(y, seen, joints, held, least)
+    together = held_to_parents(y, seen, joints, turned_back, least)
     if not (held or together):
         return None
     small = Small(len(y))
@@ -362,7 +369,8 @@ def turns_of(rate: Rate, y: Array, groups: Sequence[Group], pairs: Sequence[Pair
         going &= (turned == 0.0) & (ways < small)
         if not (going & (ways > 0.0)).any():
             break
-    turns = zip(ways, speeds, (turned > 0.0) & (ways < small), turned, strict=True)
+    back = turned > 0.0
+    turns = zip(ways, speeds, back & (ways < small), np.where(back, turned, time), strict=True)
     return [Turn(*parts) for parts in turns]
 
 
@@ -416,12 +424,12 @@ def parts_of(columns: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def held_to_parents(
-    y: Array, turns: dict[Pair, tuple[Turn, Turn]], joints: set[Pair], but: Held, least: float
+    y: Array, turns: dict[Pair, tuple[Turn, Turn]], joints: set[Pair], but: set[int], least: float
 ) -> Held:
-    """The bodies of pairs that turn back, but those that are held on their own, and the amplitudes
+    """The bodies of pairs that turn back, but those that turn back on their own, and the amplitudes
     to which they are held."""
     held: Held = {}
-    apart = {pair: seen for pair, seen in turns.items() if not but.keys() & set(pair)}
+    apart = {pair: seen for pair, seen in turns.items() if not but & set(pair)}
     for body, parent in that_turn_back(apart, joints, least):
         k, a = WIDTH * body, WIDTH * parent
         distance = float(np.linalg.norm(y[k : k + 3] - y[a : a + 3]))
