@@ -258,10 +258,8 @@ def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> N
         return
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
     result.t[key] = a.t[within]
-    difference, uncertainty = (
-        other.of(b.values, t) - a.values[within],
-        other.uncertainty_of(b.values, t),
-    )
+    difference = other.of(b.values, t) - a.values[within]
+    uncertainty = other.uncertainty_of(b.values, t)
     result.series[key] = {
         "force": np.linalg.norm(difference[:, :3], axis=1),
         "torque": np.linalg.norm(difference[:, 3:], axis=1),

@@ -260,8 +260,9 @@ class Balance(NamedTuple):
         relative = abs(self.error) / self.scale if self.scale > 0.0 else None
         uncertainty = self.uncertainty + self.unsure
         return {
-            "error": self.error, "relative": relative, "scale": self.scale, "quadrature":
-            uncertainty, }  # fmt: skip
+            "error": self.error, "relative": relative, "scale": self.scale,
+            "quadrature": uncertainty,
+        }  # fmt: skip
 
 
 def _given(body: Body) -> tuple[float, float, float]:

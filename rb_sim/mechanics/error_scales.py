@@ -255,50 +255,48 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
         relative += [Group(*place, most, least), Group(*turn, most, least)]
     turns = iter(turns_of(rate, y, [*sum(own.values(), []), *relative], pairs))
     held: Held = {}
-    turned_back = set()
     for body, groups in own.items():
         moved = [(g, turn) for g in groups if (turn := next(turns)).way > g.least]
-        back = [(g, turn) for g, turn in moved if turn.turned_back]
-        free = groups[0].small == SMALL
-        if back and (free or len(back) == len(moved)):
-            held[body] = back
-            turned_back.add(body)
-        elif free and moved and moved[0][0] is groups[0] and moved[0][1].way < SMALL:
-            held[body] = moved[:1]  # it may go farther: its distance from the start counts as well
+        # a free body may go farther than it was followed: its distance counts as well
+        small = [(g, t) for g, t in moved if t.turned_back or g.small == SMALL and t.way < SMALL]
+        if small and (groups[0].small == SMALL or len(small) == len(moved)):
+            held[body] = small
+    back = {body for body, moved in held.items() if all(turn.turned_back for _, turn in moved)}
     seen = dict(zip(pairs, zip(turns, turns, strict=True), strict=True))
-    together = held_to_parents(y, seen, joints, turned_back, least)
+    together = held_to_parents(y, seen, joints, back, least)
     if not (held or together):
         return None
-    small = Small(len(y))
-    small.hold(y, held, noise_of(rate, y, held, apart=True))
-    small.hold(y, together, noise_of(rate, y, together, apart=False))
+    scales = Small(len(y))
+    scales.hold(y, held, noise_of(rate, y, held, apart=True))
+    scales.hold(y, together, noise_of(rate, y, together, apart=False))
     for group, _ in sum(together.values(), []):
-        small.drifting[group.places] = small.drifting[group.speeds] = True
-    return small
+        scales.drifting[group.places] = scales.drifting[group.speeds] = True
+    return scales
 
 
 def groups_of(system: Any, y: Array, jointed: set[int]) -> dict[int, list[Group]]:
     """The coordinates of each body, as far as they have a common unit."""
-    if isinstance(system, MultiBody):
-        bodies = {body: whole_body(WIDTH * body) for body in range(system.bodies.shape[0])}
-    else:
+    if not isinstance(system, MultiBody):
         n, first = len(y), CONFIGURATION[type(system)]
         places = [slice(0, first)] if first != 7 else [slice(0, 3), slice(3, 7)]
         speeds = [slice(first, n)]
         if n - first == 6:
             speeds = [slice(first, first + 3), slice(first + 3, n)]
-        jointed, bodies = (
-            {0},
-            {0: [(p, speeds[min(i, len(speeds) - 1)]) for i, p in enumerate(places)]},
-        )
-    return {
-        body: [
-            Group(place, speed, SMALL if free and k == 0 else SMALL_TOGETHER, resolved(y[place]))
-            for free in [body not in jointed]
-            for k, (place, speed) in enumerate(parts)
+        return {
+            0: [
+                Group(place, speeds[min(i, len(speeds) - 1)], SMALL_TOGETHER, resolved(y[place]))
+                for i, place in enumerate(places)
+            ]
+        }
+    groups = {}
+    for body in range(system.bodies.shape[0]):
+        place, turn = whole_body(WIDTH * body)
+        small = SMALL_TOGETHER if body in jointed else SMALL
+        groups[body] = [
+            Group(*place, small, resolved(y[place[0]])),
+            Group(*turn, SMALL_TOGETHER, resolved(y[turn[0]])),
         ]
-        for body, parts in bodies.items()
-    }
+    return groups
 
 
 def resolved(coordinates: Array) -> float:
@@ -370,7 +368,7 @@ def turns_of(rate: Rate, y: Array, groups: Sequence[Group], pairs: Sequence[Pair
         if not (going & (ways > 0.0)).any():
             break
     back = turned > 0.0
-    turns = zip(ways, speeds, back & (ways < small), np.where(back, turned, time), strict=True)
+    turns = zip(ways, speeds, back, np.where(back, turned, time), strict=True)
     return [Turn(*parts) for parts in turns]
 
 

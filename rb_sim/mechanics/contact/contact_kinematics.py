@@ -131,7 +131,7 @@ def torque_of(B, r, force, moment):
     return unrotate(B.q_WB, add(moment, cross(r, force)))
 
 
-def contact_table_of(
+def contact_point_of(
     pair: Any, B: BodyState, A: BodyState, before: Lean
 ) -> tuple[ContactPoint, Lean, Any]:
     """The Touch, how a rim leans, and how far round it the point is."""
@@ -150,7 +150,7 @@ def contact_table_of(
 def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Any, Any]:
     """(Geometry, what `forces` goes on with) of a contact of body state B with the parent's A."""
     A, a_A, alpha_A, driven = carrier(row.carrier, t, A)
-    at, lean, around = contact_table_of(row.pair, B, A, before)
+    at, lean, around = contact_point_of(row.pair, B, A, before)
     r, sigma = sub(at.point, B.p_WC), sub(at.point, A.p_WC)
     moved = velocity_at(A, sigma)
     speed = sub(velocity_at(B, r), moved)
