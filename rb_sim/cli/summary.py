@@ -23,7 +23,7 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.constraints.joints import Free
 from rb_sim.catalogue.contact import Touching
 from rb_sim.contact.events.shares import undetermined_at_start
-from rb_sim.contact.least_shares import MOST_CONTACTS
+from rb_sim.contact.few_contacts import MOST_CONTACTS
 
 if TYPE_CHECKING:
     from rich.console import Console

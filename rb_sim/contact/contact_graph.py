@@ -61,6 +61,10 @@ CONTACT_ROWS = 6
 ENOUGH = 1e-7
 """Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
 far below what the step itself leaves, of its order."""
+FINE = 1e-4
+"""Natural map of the laws, relative to the largest impulse, that a step may leave where contacts
+contradict each other, and at which sweeps of a moving heap need no Newton's method and contacts
+need not grip firmer in it: it is reported as GAVE alone."""
 BOUND, COMPLIANCE, VISCOUS_PER_NORMAL, VISCOUS, PULLS, ROLLS, SPINS, RULES = range(8)
 """Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
 support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,

@@ -145,17 +145,11 @@ def one_contact(w, q, mu):
 #
 # One after the other, as contacts are taken, joints need hundreds of sweeps along a chain.  Their
 # own block of the Delassus matrix is factorised once a step, L D L^T in the order of the rows; a
-# row that depends on others gets no impulse.  Where sweeps in turn with the contacts do not get
-# there, few joints follow each contact at once.
+# row that depends on others gets no impulse.
 
 
 MOST_TOGETHER = 240
 """Rows of joints up to which their block is factorised: it costs their cube."""
-MOST_ELIMINATED = 60
-"""Rows of joints up to which they follow each contact at once: a sweep costs their square a
-contact, but contacts that push against joints, as of what a guide leads, need few of them."""
-PROXIMAL = 0.001
-"""Of the diagonal of a contact's own block, which is added to that with joints that follow."""
 BODY, PARENT, LEFT_OUT = 0, 1, 2
 """Columns of Graph.joint_ends."""
 
@@ -185,37 +179,6 @@ def factor_joints(graph, bodies):
         for i in range(k + 1, F.shape[0]):
             F[i, k] *= inverse
         F[k, k] = inverse
-
-
-@inline
-def eliminates(graph):
-    """Whether joints may follow each contact at once, instead of in turn with all contacts."""
-    m = graph.joint_rows.shape[0]
-    return 0 < m <= MOST_ELIMINATED and graph.joint_factor.shape[0] == m
-
-
-@inline
-def ease_blocks(graph, bodies):
-    """Let the own block of each contact be that with joints which follow,
-    W_cc - W_cj W_jj^-1 W_jc, and PROXIMAL of its diagonal, which leaves no direction that is held
-    without an entry; after `factor_joints`."""
-    rows, ends, d, w = graph.rows, graph.ends, graph.spare[1], np.zeros((bodies, 6))
-    for c in range(ends.shape[0]):
-        k, b, a, at = CONTACT_ROWS * c, ends[c, 0], ends[c, 1], 0
-        for p in range(3):
-            own = coupled(rows, k + p, k + p, a)
-            add_impulse(rows, k + p, w, b, a, 1.0)
-            for j in range(graph.joint_rows.shape[0]):
-                e = graph.joint_ends
-                d[j] = -rate_of(graph.joint_rows, j, w, e[j, BODY], e[j, PARENT])
-            give_joints(graph, w, d)
-            for q in range(p, 3):
-                less = rate_of(rows, k + q, w, b, a) - coupled(rows, k + p, k + q, a)
-                graph.blocks[c, at] += less + (PROXIMAL * own if p == q else 0.0)
-                at += 1
-            for i in range(bodies):
-                for j in range(6):
-                    w[i, j] = 0.0
 
 
 @inline
@@ -433,13 +396,6 @@ def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
     size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
     last sweep over the largest impulse, sweeps made).
     """
-    return sweep(graph, u, x, joints, size, settled, sweeps, False)
-
-
-@inline
-def sweep(graph, u, x, joints, size, settled, sweeps, follow):
-    """As `gauss_seidel`; follow: let joints follow each contact at once, whose own blocks are those
-    of `ease_blocks` then, instead of in turn with all contacts."""
     n, rest, made, plain = graph.ends.shape[0], 0.0, 0, is_plain(graph)
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
@@ -450,43 +406,9 @@ def sweep(graph, u, x, joints, size, settled, sweeps, follow):
             if plain:
                 change = max(change, relax_cone(ends, rows, targets, rules, blocks, u, x, c))
             else:
-                changed = relax(graph, u, x, c, size)
-                if changed > 0.0 and follow:
-                    changed = max(changed, relax_joints(graph, u, joints))
-                change = max(change, changed)
+                change = max(change, relax(graph, u, x, c, size))
         largest = largest_of(x, joints)
         rest = change / largest if largest > 0.0 else 0.0
         if not rest > settled:
             break
     return rest, made
-
-
-@inline
-def take_motion(u, x, joints, v, r, s):
-    """Copy velocities v, impulses r and those of joints s into u, x and joints."""
-    for i in range(u.shape[0]):
-        for j in range(6):
-            u[i, j] = v[i, j]
-    for k in range(x.shape[0]):
-        x[k] = r[k]
-    for k in range(joints.shape[0]):
-        joints[k] = s[k]
-
-
-@inline
-def sweep_against_joints(graph, u, x, joints, size, enough, sweeps):
-    """As `gauss_seidel`; where that does not get there, as where normal impulse and friction work
-    against a joint, again with joints that follow each contact at once: taken if they do get
-    there."""
-    rest, made = gauss_seidel(graph, u, x, joints, size, enough, sweeps)
-    if not (rest > enough and eliminates(graph)):
-        return rest, made
-    v, r, s, n = u.copy(), x.copy(), joints.copy(), graph.ends.shape[0]
-    ease_blocks(graph, u.shape[0])
-    found, more = sweep(graph, v, r, s, size, enough, sweeps, True)
-    for i in range(n):
-        fill_block(graph, i)
-    if not found > enough:
-        rest = found
-        take_motion(u, x, joints, v, r, s)
-    return rest, made + more

@@ -155,7 +155,7 @@ def copy_system(A, b, n, work):
 @inline
 def decomposed(R, c, n, most, least, work, x):
     """As `least_squares`, overwriting R = A and c = b; most: largest rank; least: see
-    `triangular`."""
+    `triangular`.  Returns the rank."""
     order, v, halves = work, part(work, n), part(work, 2 * n)
     rank = min(triangular(R, n, c, order, least), most)
     for k in range(rank - 1, -1, -1):
@@ -177,6 +177,7 @@ def decomposed(R, c, n, most, least, work, x):
                 c[j] -= s * R[k * n + j]
     for j in range(n):
         x[int(order[j])] = c[j]
+    return rank
 
 
 # Linear systems A x = b with a symmetric positive semidefinite A, as from constraints.

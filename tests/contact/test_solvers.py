@@ -92,6 +92,34 @@ def test_newton_in_the_velocities_of_bodies(name: str) -> None:
     assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
 
 
+def densely(name: str) -> tuple[Any, ...]:
+    """(residual told, graph, velocities and impulses by the dense solver) after one sweep."""
+    from rb_sim.contact.few_contacts import solve_few
+    from rb_sim.contact.gauss_seidel import gauss_seidel
+
+    graph, u = COLLECTION[name]()
+    x = np.zeros(len(graph.targets))
+    gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, 1)
+    rest, _, _ = solve_few(graph, u, x, np.zeros(0), 0.0, False)
+    return rest, graph, u, x
+
+
+@pytest.mark.parametrize("name", [name for name in COLLECTION if "large" not in name])
+def test_the_dense_solver(name: str) -> None:
+    """It comes to the velocities of the sweeps from where one of them has led, and a box that
+    stands on its corners loads all alike, which sweeps do not."""
+    rest, graph, u, x = interpreted(densely, name)
+    W, q, mu, r = dense(graph, u, x)
+    assert rest <= 1e-10
+    assert residual(W, q, mu, r) <= 1e-9
+    free = COLLECTION[name]()[1]
+    assert_allclose(q, dense(graph, free, 0.0 * x)[1], atol=1e-12 * np.abs(free).max())
+    W, q, _, other = dense(*interpreted(swept, name, 3000)[1:])
+    assert_allclose(W @ r, W @ other, atol=1e-7 * np.abs(q).max())
+    if name in ("box at rest", "table on eight legs"):
+        assert_allclose(r[0::3], r[0], rtol=1e-9)
+
+
 @pytest.mark.parametrize("name", COLLECTION)
 def test_friction_keeps_to_its_cones_before_the_laws_are_solved(name: str) -> None:
     """A heap that moves is solved to some digits only: none of them lets a contact pull, or rub

@@ -33,6 +33,7 @@ from rb_sim.contact.contact_graph import (
     BOUND,
     CONTACT_ROWS,
     ENOUGH,
+    FINE,
     LIGHT_A,
     LIGHT_B,
     TURN_A,
@@ -40,16 +41,14 @@ from rb_sim.contact.contact_graph import (
     add_impulse,
     rate_of,
 )
+from rb_sim.contact.few_contacts import are_few, solve_few
 from rb_sim.contact.gauss_seidel import (
     ROUGH,
-    eliminates,
     factor_joints,
     fill_block,
     gauss_seidel,
     is_plain,
-    sweep_against_joints,
 )
-from rb_sim.contact.least_shares import take_least_shares
 from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, speed_at
 from rb_sim.contact.stepping.geometry import has_turned, note_middle
@@ -61,7 +60,6 @@ from rb_sim.contact.stepping.step_workspace import (
     ANCHOR,
     CLOSED,
     FEW_SWEEPS,
-    FINE,
     FIRST_SWEEPS,
     FRESH,
     GAINED,
@@ -492,45 +490,36 @@ def is_quiet(tables, y):
 
 
 @inline
-def stand_alone(graph):
-    """Whether there are no joints, and no body touches another one."""
-    alone = graph.joint_rows.shape[0] == 0
-    for i in range(graph.ends.shape[0]):
-        alone = alone and graph.ends[i, 1] < 0
-    return alone
-
-
-@inline
 def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
     Shares that the laws leave open are the least ones, but in heaps; where the impulses of the step
     before hold as they are, they are so already.
     """
-    workspace.notes[OPEN_NOW] = 0.0
-    rest, made = some_impulses(tables, workspace, graph, x, y)
-    if made == 1 or not (eliminates(graph) or stand_alone(graph)):
-        return rest, made
-    length, slow, notes = tables.scales[0], SOLVED * tables.scales[1], workspace.notes
-    rest, more, figure, of = take_least_shares(
-        graph, workspace.u, x, workspace.joint_x, length, slow, rest, notes[OPEN] == 0.0
-    )
-    notes[OPEN_NOW] = figure
-    if figure > 0.0:
-        notes[OPEN_OF_NOW] = workspace.active[of]
-    return rest, made + more
+    u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
+    notes[OPEN_NOW] = 0.0
+    rest, made = gauss_seidel(graph, u, x, joints, length, COMPUTED_ROUNDING, FEW_SWEEPS)
+    if not are_few(graph):
+        return of_heap(tables, workspace, graph, x, y, rest, made)
+    if made > 1 and (rest > ENOUGH or graph.ends.shape[0] > 1):
+        slow = SOLVED * tables.scales[1]
+        given, figure, of = solve_few(graph, u, x, joints, slow, notes[OPEN] == 0.0)
+        notes[GAVE], notes[OPEN_NOW] = max(notes[GAVE], given), figure
+        rest = given if given > FINE else 0.0
+        if figure > 0.0:
+            notes[OPEN_OF_NOW] = workspace.active[of]
+    return rest, made
 
 
 @inline
-def some_impulses(tables, workspace, graph, x, y):
-    """As `solve_impulses`, with any shares.
+def of_heap(tables, workspace, graph, x, y, rest, made):
+    """As `solve_impulses`, with any shares, after some sweeps and their last change.
 
     A heap that rests is solved to the last digits by many sweeps and Newton's method, after which
     some steps go without, more where they did not get there.  One that moves gets few sweeps and,
     where they do not do, Newton's method as far as the step needs it.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
-    rest, made = gauss_seidel(graph, u, x, joints, length, COMPUTED_ROUNDING, FEW_SWEEPS)
     if not rest > COMPUTED_ROUNDING:
         return rest, made
     if notes[FRESH] == 1.0 or (is_quiet(tables, y) and notes[STEPS] >= notes[NEXT]):
@@ -554,7 +543,7 @@ def some_impulses(tables, workspace, graph, x, y):
         rest = given if given > LOOSE else rest
     elif rest > ENOUGH:
         sweeps = SWEEPS - FEW_SWEEPS
-        rest, more = sweep_against_joints(graph, u, x, joints, length, ENOUGH, sweeps)
+        rest, more = gauss_seidel(graph, u, x, joints, length, ENOUGH, sweeps)
         made += more
     return rest, made
 

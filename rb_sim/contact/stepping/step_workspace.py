@@ -33,10 +33,6 @@ THEN, ENDS, MEMORY = 21, 25, 29
 world axes), with which the step ended, in its middle and at its end."""
 FEW_SWEEPS = 5
 """Sweeps of a moving heap that are made in any case."""
-FINE = 1e-4
-"""Natural map of the laws of a moving heap, relative to the largest impulse, at which sweeps need
-no Newton's method, and in it contacts need not grip firmer: what is left is reported as GAVE
-alone."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
 """At most in one step, the bound of its work; in the first, which has nothing to start from."""
 TOO_FAR = 0.1

@@ -1,0 +1,359 @@
+# Copyright 2026 rb_sim contributors
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except
+# in compliance with the License. You may obtain a copy of the License at
+# http://www.apache.org/licenses/LICENSE-2.0
+# Unless required by applicable law or agreed to in writing, software distributed under the License
+# is distributed on an "AS IS" BASIS, WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express
+# or implied. See the License for the specific language governing permissions and limitations under
+# the License.
+
+"""Impulses of a step with few contacts, by the dense solver: shares of a load are the least ones.
+
+Two flat pads that fingers press against a block determine the sum of the pressures at the corners
+of each pad, but not their centre: the joints of the fingers carry any offset.  A table that stands
+on four legs determines the loads of three.  Of what slips in several directions the friction, and
+so the motion, depends on it.  As under event-driven contact (`impacts`) the impulses taken are
+those of minimum norm among those that give all normals, and what sticks, the same velocities.
+
+With the joints eliminated the problem is w = A r + b of the impulses r of contacts (see
+numerics.complementarity), which is also solved here where sweeps do not get there, as where normal
+impulse and friction work against a joint.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
+from rb_sim.contact.contact_graph import (
+    BOUND,
+    COMPLIANCE,
+    CONTACT_ROWS,
+    ENOUGH,
+    FINE,
+    PULLS,
+    ROLLS,
+    SPINS,
+    VISCOUS,
+    VISCOUS_PER_NORMAL,
+    add_impulse,
+    largest,
+    rate_of,
+)
+from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints
+from rb_sim.numerics.complementarity import (
+    BOUND_WIDTH,
+    EQUALITY,
+    FRICTION,
+    UNILATERAL,
+    Equations,
+    equations,
+    fill_steps,
+    relative,
+    row_times,
+    solution,
+)
+from rb_sim.numerics.kernels import inline, integers, part, pointer
+from rb_sim.numerics.linear_solves import copy_system, decomposed
+
+MOST_CONTACTS, MOST_JOINTS = 20, 60
+"""Contacts that take part, and rows of joints, up to which a step is solved densely: it costs the
+cube of the contacts, and their square times that of the joints."""
+DEPENDENT = 1e-8
+"""Pivot of the rows that hold, relative to the largest, below which a row depends on others: above
+what is left of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
+TURNS = 20
+"""Of solving linear laws after which no least shares are found, and of viscous friction for the
+normal impulses that it has led to."""
+
+
+@inline
+def are_few(graph):
+    """Whether a graph is solved densely: contacts and joints are few, and it is not a heap, of
+    bodies that touch each other with nothing besides."""
+    contacts, joints, touch = graph.ends.shape[0], graph.joint_rows.shape[0], False
+    for i in range(contacts):
+        touch = touch or graph.ends[i, 1] >= 0
+    factorised = graph.joint_factor.shape[0] == joints
+    few = contacts <= MOST_CONTACTS and joints <= MOST_JOINTS and factorised
+    return few and not (touch and is_plain(graph))
+
+
+@inline
+def list_rows(graph, places):
+    """Write the rows of all contacts that may carry an impulse, normal first; how many."""
+    n, rules = 0, graph.rules
+    for i in range(graph.ends.shape[0]):
+        for j in range(CONTACT_ROWS):
+            tangential = (j == 1 or j == 2) and rules[i, BOUND] != 0.0
+            turning = ((j == 3 or j == 4) and rules[i, ROLLS] > 0.0) or (
+                j == 5 and rules[i, SPINS] > 0.0
+            )
+            if j == 0 or tangential or turning:
+                places[n] = CONTACT_ROWS * i + j
+                n += 1
+    return n
+
+
+@inline
+def fill_problem(graph, u, x, places, A, b, terms, r):
+    """A of the rows at these places with joints that follow, their impulses r, and b, without what
+    friction without a corner gives; terms: sizes of the summands of b."""
+    n, ends, joints = places.shape[0], graph.ends, graph.joint_rows.shape[0]
+    w, d, e = np.empty((u.shape[0], 6)), np.empty(joints), graph.joint_ends
+    for m in range(n):
+        k, i = places[m], places[m] // CONTACT_ROWS
+        r[m] = x[k]
+        b[m] = rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k]
+        for body in range(u.shape[0]):
+            for j in range(6):
+                w[body, j] = 0.0
+        add_impulse(graph.rows, k, w, ends[i, 0], ends[i, 1], 1.0)
+        for j in range(joints):
+            d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
+        give_joints(graph, w, d)
+        for o in range(n):
+            i = places[o] // CONTACT_ROWS
+            A[o, m] = rate_of(graph.rows, places[o], w, ends[i, 0], ends[i, 1])
+    for o in range(n):
+        terms[o] = abs(b[o])
+        for m in range(n):
+            b[o] -= A[o, m] * r[m]
+            terms[o] += abs(A[o, m] * r[m])
+    for m in range(n):
+        if places[m] % CONTACT_ROWS == 0:
+            A[m, m] += graph.rules[places[m] // CONTACT_ROWS, COMPLIANCE]
+
+
+@inline
+def viscosity_of(graph, i, normal):
+    """Impulse per slip of the friction of contact i, which has no corner, at a normal impulse."""
+    return graph.rules[i, VISCOUS_PER_NORMAL] * abs(normal) + graph.rules[i, VISCOUS]
+
+
+@inline
+def fill_laws(graph, places, r, rules, bounds, limits, slack):
+    """Rules, bounds and limits of the rows at these places; returns how many bounds there are.
+
+    slack: velocity against which the impulse 1 of each row works besides A, as where friction has
+    no corner, for the normal impulses r.
+    """
+    m, normal = 0, 0
+    for o in range(places.shape[0]):
+        i, j = places[o] // CONTACT_ROWS, places[o] % CONTACT_ROWS
+        rules[o], slack[o] = FRICTION, 0.0
+        if j == 0:
+            normal = o
+            rules[o] = EQUALITY if graph.rules[i, PULLS] != 0.0 else UNILATERAL
+        elif graph.rules[i, BOUND] < 0.0 and j < 3:
+            viscous = viscosity_of(graph, i, r[normal])
+            slack[o] = 1.0 / viscous if viscous > 0.0 else 0.0
+        if j == 1 or j == 3 or j == 5:
+            bounds[m, 0], bounds[m, 1], bounds[m, 2] = o, -1 if j == 5 else o + 1, normal
+            limit = graph.rules[i, ROLLS] if j == 3 else graph.rules[i, SPINS]
+            limit = min(graph.rules[i, BOUND], ROUGH) if j == 1 else limit
+            limits[m] = limit if limit >= 0.0 else (math.inf if slack[o] > 0.0 else 0.0)
+            m += 1
+    return m
+
+
+@inline
+def hold(p, slow, x, rules, b):
+    """Copy rules and b of a problem, but let each unilateral row that does not open at the solution
+    x hold both ways, and put each other one out of reach."""
+    for k in range(p.n):
+        rules[k], b[k] = p.rules[k], p.b[k]
+        if p.rules[k] == UNILATERAL and row_times(p, k, x) <= slow:
+            rules[k] = EQUALITY
+        elif p.rules[k] == UNILATERAL:
+            b[k] = math.inf
+
+
+@inline
+def find_least(p, held, rules, b, x, work):
+    """Replace x by the least x that solves the laws, linear about x, until it stays the same, where
+    what would pull no longer holds.  Returns the unknowns that are not determined; -1 if x does
+    not stay.
+
+    held: p with the rules and b of `hold`; work: n (2 n + 7) numbers.
+    """
+    n = p.n
+    J, w, F, new, rest = (
+        work, part(work, n * n), part(work, n * n + n), part(work, n * n + 2 * n),
+        part(work, n * n + 3 * n),
+    )  # fmt: skip
+    for _ in range(TURNS):
+        equations(held, x, w, F, J)
+        for i in range(n):
+            F[i] = -F[i]
+            for j in range(n):
+                F[i] += J[i * n + j] * x[j]
+        copy_system(J, F, n, rest)
+        rank = decomposed(rest, part(rest, n * n), n, n, DEPENDENT, part(rest, n * (n + 1)), new)
+        most, moved, pulls = 0.0, 0.0, -1
+        for k in range(n):
+            most, moved = max(most, abs(new[k])), max(moved, abs(new[k] - x[k]))
+            x[k] = new[k]
+            pushes = p.rules[k] == UNILATERAL and rules[k] == EQUALITY
+            if pushes and (pulls < 0 or x[k] < x[pulls]):
+                pulls = k
+        if pulls >= 0 and x[pulls] < -COMPUTED_ROUNDING * most:
+            rules[pulls], b[pulls], x[pulls] = UNILATERAL, math.inf, 0.0
+        elif not moved > SOLVED * most:
+            return n - rank
+    return -1
+
+
+@inline
+def misfit(p, x, work):
+    """Residual of the laws at x, see `relative`."""
+    n = p.n
+    return relative(p, equations(p, x, work, part(work, n), part(work, 2 * n)), x)
+
+
+@inline
+def largest_change(p, x, other):
+    """(the largest change of w between two solutions, relative to what x makes of one)."""
+    most, made = 0.0, 0.0
+    for k in range(p.n):
+        given = row_times(p, k, x) - p.b[k]
+        made = max(made, abs(given))
+        most = max(most, abs(row_times(p, k, other) - p.b[k] - given))
+    return most / made if most > SOLVED_IN_CONTACT * made else 0.0
+
+
+@inline
+def slips(p, slow, x):
+    """Whether w of any friction row is more than slow."""
+    for k in range(p.n):
+        if p.rules[k] == FRICTION and abs(row_times(p, k, x)) > slow:
+            return True
+    return False
+
+
+@inline
+def find_open(p, held, slow, rules, b, x, other, work):
+    """(the largest change of w if a contact that pushes in the least solution x did not, and the
+    row of that contact; 0 and 0 where w is the same).  other: n numbers, the rest as in
+    `find_least`."""
+    figure, of = 0.0, 0
+    for released in range(p.n):
+        hold(p, slow, x, rules, b)
+        if p.rules[released] != UNILATERAL or rules[released] != EQUALITY:
+            continue
+        for k in range(p.n):
+            other[k] = x[k]
+        rules[released], b[released], other[released] = UNILATERAL, math.inf, 0.0
+        found = find_least(p, held, rules, b, other, work)
+        if found >= 0 and not misfit(p, other, work) > FINE:
+            change = largest_change(p, x, other)
+            figure, of = (change, released) if change > figure else (figure, of)
+    return figure, of
+
+
+@inline
+def take_least(p, slow, x, look):
+    """Let the solution x of a problem be the least one; returns what `find_open` finds if asked to
+    look.  slow: w that is none."""
+    n, figure, of = p.n, 0.0, 0
+    rules, b = np.empty(n, np.int64), np.empty(n)
+    held = p._replace(rules=integers(rules), b=pointer(b))
+    hold(p, slow, x, rules, b)
+    numbers, work_of = np.empty(2 * n), np.empty(n * (2 * n + 7))
+    least, other, work = pointer(numbers), part(pointer(numbers), n), pointer(work_of)
+    for k in range(n):
+        least[k] = x[k]
+    free = find_least(p, held, rules, b, least, work)
+    if free < 0 or misfit(p, least, work) > max(misfit(p, x, work), FINE):
+        return figure, of
+    if look and free > 0 and slips(p, slow, least):
+        figure, of = find_open(p, held, slow, rules, b, least, other, work)
+    for k in range(n):
+        x[k] = least[k]
+    return figure, of
+
+
+@inline
+def solve_near(p, terms, x):
+    """Replace x by the solution near it, or by any other if none is found there."""
+    n = p.n
+    numbers, rules = np.empty(n * (2 * n + 7)), np.empty(n, np.int64)
+    for k in range(n):
+        rules[k] = p.rules[k]
+    work = pointer(numbers)
+    if find_least(p, p, rules, p.b, x, work) < 0 or misfit(p, x, work) > FINE:
+        solution(p, terms, x)
+
+
+@inline
+def take_over(graph, u, x, joints, places, r):
+    """Let the impulses of the rows at these places be r; u and those of the joints follow."""
+    for m in range(places.shape[0]):
+        k, i = places[m], places[m] // CONTACT_ROWS
+        add_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[m] - x[k])
+        x[k] = r[m]
+    relax_joints(graph, u, joints)
+
+
+@inline
+def some_turn(graph):
+    """Whether any contact resists rolling or spinning."""
+    for i in range(graph.ends.shape[0]):
+        if graph.rules[i, ROLLS] > 0.0 or graph.rules[i, SPINS] > 0.0:
+            return True
+    return False
+
+
+@inline
+def solve_few(graph, u, x, joints, slow, look):
+    """Solve a graph of which `are_few` is true from what sweeps have left, with the least shares
+    where the laws leave them open.
+
+    Where contacts of a body contradict each other, as corners that land together but for rounding,
+    the laws are kept on the mean.  slow: velocity that is none.  Returns (natural map of the laws
+    over the largest impulse, how much shares change of a velocity relative to what impulses make of
+    it, if asked to look, and the number of a contact that has such a share).
+    """
+    places = np.empty(CONTACT_ROWS * graph.ends.shape[0], np.int64)
+    n = list_rows(graph, places)
+    if n == 0:
+        return 0.0, 0.0, 0
+    places = places[:n]
+    relax_joints(graph, u, joints)
+    alone, A, work = np.empty((n, n)), np.empty((n, n)), np.empty(n * (n + 2))
+    b, terms, step, slack, least = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
+    r, found, limits = np.empty(n), np.empty(n), np.empty(n)
+    rules, bounds = np.empty(n, np.int64), np.empty((n, BOUND_WIDTH), np.int64)
+    fill_problem(graph, u, x, places, alone, b, terms, r)
+    figure, of, rest = 0.0, 0, 0.0
+    for _ in range(TURNS):
+        m, viscous = fill_laws(graph, places, r, rules, bounds, limits, slack), False
+        for i in range(n):
+            found[i] = r[i]
+            viscous = viscous or slack[i] > 0.0
+            for j in range(n):
+                A[i, j] = alone[i, j] + (slack[i] if i == j else 0.0)
+        p = Equations(
+            n, m, pointer(A), pointer(b), pointer(step), integers(rules), pointer(least),
+            integers(bounds), pointer(limits), 0.0,
+        )  # fmt: skip
+        blur = fill_steps(n, p.A, pointer(terms), p.step)
+        p = p._replace(blur=max(blur, slow * largest(step)))
+        before = misfit(p, pointer(r), pointer(work))
+        if before > ENOUGH:
+            solve_near(p, pointer(terms), pointer(found))
+        if not some_turn(graph):
+            figure, of = take_least(p, slow, pointer(found), look)
+        rest, moved, most = misfit(p, pointer(found), pointer(work)), 0.0, 0.0
+        if rest > max(before, FINE):
+            rest = before
+            break
+        for k in range(n):
+            moved, most = max(moved, abs(r[k] - found[k])), max(most, abs(found[k]))
+            r[k] = found[k]
+        if not (viscous and moved > SOLVED * most):
+            break
+    take_over(graph, u, x, joints, places, r)
+    return rest, figure, places[of] // CONTACT_ROWS
