@@ -32,19 +32,19 @@ from rb_sim.accuracy.checked import (
     sharper,
     sharpest_adaptive,
 )
-from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, evaluations
+from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, dividing, evaluations
 from rb_sim.accuracy.runs import (
     CountedRunner,
     affordable_times,
     distances,
-    dividing,
+    from_one_ulp_apart,
     pose_difference,
-    ulp_growth,
 )
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
 from rb_sim.graph.taylor_series import NoSeriesError
 from rb_sim.mechanics.methods import METHODS, tried
+from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.table_laws import BODIES
 from rb_sim.motion.motion import ENDLESS
 from rb_sim.scene.compiled import Compiled
@@ -169,7 +169,8 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     share = DEAR_CHECK if dear else CHECK
     true = checked_run(runner, share * aim, budget - one if dear else 0.6 * budget, first)
     left = 0.5 * (budget - runner.spent)  # a second trial that is broken off would tell nothing
-    growth = ulp_growth(runner, true.setting, 1 if dear else 2, left).pose
+    moved = from_one_ulp_apart(runner, true.setting, 1 if dear else 2, left)
+    growth = max(apart(rows, true.rows, runner) for rows in moved)
     noise = max(true.agreement, CONSTANTS * growth, by_chance(runner, true, growth))
     limit = SAFETY * aim - noise
     reached = limit > 0.0
@@ -193,6 +194,11 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     )  # fmt: skip
 
 
+def apart(rows: Array, others: Array, runner: CountedRunner) -> float:
+    """Largest difference of the pose of two runs [rad, m]."""
+    return float(pose_difference(rows, others, runner.compiled.layout).max())
+
+
 def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
     """How far the checked run moves when it is made sharper [rad, m], where that says more than its
     checker; else 0.
@@ -203,8 +209,7 @@ def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
     if growth < MAGNIFYING or not math.isfinite(true.agreement):
         return 0.0
     setting = sharper(true.setting, true.mean_step, runner.duration)
-    rows, _ = runner.sampled(setting)
-    moved = float(pose_difference(rows, true.rows, runner.compiled.layout).max())
+    moved = apart(runner.sampled(setting)[0], true.rows, runner)
     return moved if math.isfinite(moved) else 0.0
 
 
@@ -319,19 +324,19 @@ def coarsest(
 
     best: cost of the cheapest setting so far [counted s per simulated s]. budget: of the runner.
     """
-    layout = runner.compiled.layout
     close = 1.15 if setting.step is not None else 8.0
     passing: Found | None = None
     failing = math.inf
     for _ in range(LOOKS):
         rows, _ = runner.sampled(setting)
-        error = float(pose_difference(rows, true.rows, layout).max())
+        error = apart(rows, true.rows, runner)
         if error <= limit:
             if passing is None or setting.knob > passing.setting.knob:
                 passing = Found(setting, error)
         else:
             failing = min(failing, setting.knob)
-        knob = next_knob(setting, error, limit, passing, failing, runner.duration)
+        following = next_setting(setting, error, limit, passing, failing, runner.duration)
+        knob = following.knob
         if passing is None and math.isfinite(best):
             growth = (setting.knob / knob) ** (1.0 if setting.step is not None else 1.0 / 8.0)
             if runner.cost(setting) * growth > WORTH * best:
@@ -340,32 +345,29 @@ def coarsest(
             break
         if knob == setting.knob or runner.spent > budget:
             break
-        setting = setting.with_knob(knob)
+        setting = following
     return passing
 
 
-def next_knob(
+def next_setting(
     setting: Setting,
     error: float,
     limit: float,
     passing: Found | None,
     failing: float,
     duration: float,
-) -> float:
-    """The knob at which the error law error ~ knob^power puts the error just within the limit."""
+) -> Setting:
+    """The setting at which the error law error ~ knob^power puts the error within the limit."""
     if not math.isfinite(error) or error > 0.5:
         factor = 0.5 if setting.step is not None else 0.01
     else:
         factor = (0.8 * limit / max(error, 1e-4 * limit)) ** (1.0 / setting.power)
     if setting.step is not None:
         factor = min(max(factor, 1.0 / 32.0), 8.0)
-    knob = factor * setting.knob
     if passing is not None and math.isfinite(failing):
-        inside = passing.setting.knob < knob < failing
-        knob = knob if inside else math.sqrt(passing.setting.knob * failing)
-    if setting.step is not None:
-        return dividing(knob, duration)
-    return min(max(knob, TIGHTEST), 1.0)
+        inside = passing.setting.knob < factor * setting.knob < failing
+        factor = factor if inside else math.sqrt(passing.setting.knob * failing) / setting.knob
+    return setting.scaled(factor, duration)
 
 
 def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:

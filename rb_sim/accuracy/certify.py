@@ -28,8 +28,7 @@ from rb_sim.accuracy.runs import (
     ROTATION,
     CountedRunner,
     distances,
-    dividing,
-    one_ulp_apart,
+    from_one_ulp_apart,
     parts,
     sample_times,
     sizes_of,
@@ -242,7 +241,7 @@ def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> Chec
             best = CheckedRun(rows, other, sharp, checker, gaps, mean)
         if checker.step is None or runner.spent > budget:
             break
-        checker = checker.with_knob(dividing(0.5 * checker.step, runner.duration))
+        checker = checker.scaled(0.5, runner.duration)
     return best
 
 
@@ -253,13 +252,10 @@ def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
     Of a method of order 1 the three errors are as 4 : 2 : 1, so that the sum of the two differences
     is the error of the first.
     """
-    if setting.tolerance is not None:
-        finer = [
-            setting.with_knob(max(setting.tolerance / k, least))
-            for k, least in ((1e2, 10.0 * TIGHTEST), (1e4, TIGHTEST))
-        ]
-    else:
-        finer = [setting.with_knob(dividing(setting.knob / k, runner.duration)) for k in (2.0, 4.0)]
+    factors = (0.5, 0.25)
+    if setting.tolerance is not None:  # not both the tightest
+        factors = (max(1e-2, 10.0 * TIGHTEST / setting.tolerance), 1e-4)
+    finer = [setting.scaled(factor, runner.duration) for factor in factors]
     (other, _), (rows, steps) = (runner.sampled(each) for each in finer)
     layout = runner.compiled.layout
     gaps = distances(other, rows, layout)[:, :2].max(axis=1)
@@ -435,15 +431,10 @@ def certify(
 
 def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
     """How far starts one ulp apart come from the sharp run, (n, 6)."""
-    random = np.random.default_rng(0)
-    worst = np.zeros((len(runner.times), len(NAMES)))
     rows, _ = runner.sampled(true.setting)
     sizes = sizes_of(rows, runner.compiled)
-    for _ in range(TRIALS):
-        y = one_ulp_apart(runner.compiled.y, random, sizes)
-        moved, _ = runner.sampled(true.setting, y=y)
-        worst = np.maximum(worst, distances(moved, rows, runner.compiled.layout))
-    return worst
+    moved = from_one_ulp_apart(runner, true.setting, TRIALS, sizes=sizes)
+    return np.max([distances(each, rows, runner.compiled.layout) for each in moved], axis=0)
 
 
 def stated(

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.choice import TIGHTEST, Setting
-from rb_sim.accuracy.runs import Runner, dividing, pose_difference
+from rb_sim.accuracy.choice import TIGHTEST, Setting, dividing
+from rb_sim.accuracy.runs import Runner, pose_difference
 from rb_sim.mechanics.methods import METHODS, tried
 from rb_sim.mechanics.samples import Array
 
@@ -190,7 +190,7 @@ def timed(runner: Runner, setting: Setting) -> tuple[tuple[Array, int], float]:
 def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
     """A hundredth of the tolerance; from the tightest on the same method with fixed steps."""
     if sharp.tolerance is not None and sharp.tolerance > TIGHTEST:
-        return sharp.with_knob(max(0.01 * sharp.tolerance, TIGHTEST))
+        return sharp.scaled(0.01, duration)
     if METHODS[sharp.name].fixed is None:
         return sharp
     return Setting(sharp.name, step=dividing(0.5 * mean_step, duration))
@@ -205,6 +205,6 @@ def finer_step(
     least: factor below which the time does not suffice.
     """
     if checker.tolerance is not None:
-        return checker.with_knob(max(0.01 * checker.tolerance, TIGHTEST))
+        return checker.scaled(0.01, duration)
     shrink = (0.1 * target / gap) ** (1.0 / checker.order) if np.isfinite(gap) else 0.25
-    return checker.with_knob(dividing(min(0.5, max(0.15, least, shrink)) * checker.knob, duration))
+    return checker.scaled(min(0.5, max(0.15, least, shrink)), duration)

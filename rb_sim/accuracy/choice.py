@@ -147,6 +147,11 @@ def listed(errors: Sequence[float]) -> str:
     )
 
 
+def dividing(step: float, duration: float) -> float:
+    """The largest step <= `step` that divides the duration [s]."""
+    return duration / max(1, math.ceil(duration / step * (1.0 - 1e-9)))
+
+
 class Setting(NamedTuple):
     """A method with a fixed step [s] or a local tolerance: exactly one of the two is set."""
 
@@ -174,6 +179,14 @@ class Setting(NamedTuple):
         if self.step is not None:
             return self._replace(step=value)
         return self._replace(tolerance=value)
+
+    def scaled(self, factor: float, duration: float) -> Setting:
+        """The same method with its step, which divides the duration [s], or its tolerance, from
+        TIGHTEST to 1, times the factor."""
+        knob = factor * self.knob
+        if self.step is not None:
+            return self.with_knob(dividing(knob, duration))
+        return self.with_knob(min(max(knob, TIGHTEST), 1.0))
 
     def build(self, duration: float) -> Any:
         """The method for the kernel; duration [s] bounds an adaptive step."""

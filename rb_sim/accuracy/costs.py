@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.auto import remembered_choice
-from rb_sim.accuracy.choice import Choice, Setting
-from rb_sim.accuracy.runs import BALANCE, dividing
+from rb_sim.accuracy.choice import Choice, Setting, dividing
+from rb_sim.accuracy.runs import BALANCE
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.rows import COUNT

@@ -19,9 +19,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rb_sim.accuracy.checked import CheckedRun, checked_run
-from rb_sim.accuracy.choice import TIGHTEST, Setting
+from rb_sim.accuracy.choice import TIGHTEST, Setting, dividing
 from rb_sim.accuracy.closed_forms import closed_form
-from rb_sim.accuracy.runs import EPS, Errors, Runner, compare, dividing, sample_times, ulp_growth
+from rb_sim.accuracy.runs import (
+    EPS,
+    Errors,
+    Runner,
+    compare,
+    from_one_ulp_apart,
+    largest_errors,
+    sample_times,
+)
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.scene.compile import compile_scene
@@ -36,6 +44,9 @@ decides at events too close to tell then falls out differently."""
 
 TELLING = 100.0
 """Factor by which the grid of steps must matter more than rounding does, to be named."""
+
+TRIALS = 3
+"""Runs from starts one ulp apart."""
 
 NO_ERRORS = Errors(0.0, 0.0, 0.0)
 
@@ -95,7 +106,8 @@ def reference(runner: Runner, budget: float) -> Reference:
     """
     run = checked_run(runner, 4.0 * EPS, 0.6 * budget)
     layout = runner.compiled.layout
-    growth = ulp_growth(runner, run.setting, budget=budget - runner.spent)
+    moved = from_one_ulp_apart(runner, run.setting, TRIALS, budget - runner.spent)
+    growth = largest_errors(moved, run.rows, layout)
     exact = closed_form(runner.compiled)
     if exact is None:
         gap = compare(run.other, run.rows, layout)
@@ -114,14 +126,8 @@ def reference(runner: Runner, budget: float) -> Reference:
 
 def scatter(runner: Runner, run: CheckedRun) -> Errors:
     """Largest differences from the run, of the same run on other grids of steps."""
-    found = []
-    for share in GRIDS:
-        knob = share * run.setting.knob
-        if run.setting.step is not None:
-            knob = dividing(knob, runner.duration)
-        rows, _ = runner.sampled(run.setting.with_knob(knob))
-        found.append(compare(rows, run.rows, runner.compiled.layout))
-    return Errors(*np.max(found, axis=0).tolist())
+    others = (runner.sampled(run.setting.scaled(share, runner.duration))[0] for share in GRIDS)
+    return largest_errors(others, run.rows, runner.compiled.layout)
 
 
 def rows_of(runner: Runner, setting: Setting, coordinates: Array) -> Array:
@@ -304,7 +310,7 @@ def one_ladder(
             end = "round-off or chaos"
             break
         following = known[len(rungs) : len(rungs) + 1]
-        setting = following[0] if following else finer(setting, ratio, runner.duration)
+        setting = following[0] if following else setting.scaled(ratio, runner.duration)
     return Ladder(ladder_name(form), tuple(rungs), end)
 
 
@@ -314,14 +320,6 @@ def ladder_name(setting: Setting) -> str:
     if entry.fixed is None or entry.adaptive is None:
         return setting.name
     return f"{setting.name} {'fixed' if setting.step is not None else 'adaptive'}"
-
-
-def finer(setting: Setting, ratio: float, duration: float) -> Setting:
-    """The setting with its step or tolerance times `ratio`; steps divide the duration."""
-    knob = setting.knob * ratio
-    if setting.step is not None:
-        return setting.with_knob(dividing(knob, duration))
-    return setting.with_knob(max(knob, TIGHTEST))
 
 
 Seen = dict[Setting, tuple[int, Errors]]

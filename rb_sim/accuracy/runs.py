@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -209,11 +209,6 @@ def sample_times(options: SimulationOptions) -> Array:
     return options.duration * np.arange(count + 1) / count
 
 
-def dividing(step: float, duration: float) -> float:
-    """The largest step <= `step` that divides the duration [s]."""
-    return duration / max(1, math.ceil(duration / step * (1.0 - 1e-9)))
-
-
 class Runner:
     """One compiled scene over one span of time.
 
@@ -322,23 +317,28 @@ BODY, PLACES = 13, 7
 how many of them tell where it is."""
 
 
-def ulp_growth(
-    runner: Runner, setting: Setting, trials: int = 3, budget: float = math.inf
-) -> Errors:
-    """Largest differences that initial coordinates one ulp apart make.
+def from_one_ulp_apart(
+    runner: Runner,
+    setting: Setting,
+    trials: int,
+    budget: float = math.inf,
+    sizes: Array | None = None,
+) -> Iterator[Array]:
+    """Rows of runs whose initial coordinates are one ulp apart from the scene's.
 
-    budget: time of the runner after which no further trial begins [s].
+    budget: time of the runner after which no further one begins [s]. sizes: as `one_ulp_apart`.
     """
-    layout, start = runner.compiled.layout, runner.spent
-    base, _ = runner.sampled(setting)
-    random = np.random.default_rng(0)
-    growths = []
+    random, start = np.random.default_rng(0), runner.spent
     for trial in range(trials):
         if trial and runner.spent - start > budget:
             break
-        moved, _ = runner.sampled(setting, y=one_ulp_apart(runner.compiled.y, random))
-        growths.append(compare(moved, base, layout))
-    return Errors(*np.max(growths, axis=0).tolist())
+        yield runner.sampled(setting, y=one_ulp_apart(runner.compiled.y, random, sizes))[0]
+
+
+def largest_errors(runs: Iterable[Array], reference: Array, layout: SampleLayout) -> Errors:
+    """Of all these runs against a reference at the same instants."""
+    each = [compare(rows, reference, layout) for rows in runs]
+    return Errors(*np.max(each, axis=0).tolist())
 
 
 def one_ulp_apart(y: Any, random: np.random.Generator, sizes: Array | None = None) -> Any:

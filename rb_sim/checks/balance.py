@@ -313,6 +313,12 @@ class Account:
         error = self._end[1][0] - self._first - supplied
         return error, uncertainty, self._unsure, supplied, size
 
+    def in_stretches(self) -> tuple[Array, Array]:
+        """Change and supply without those of the intervals that are left out."""
+        error, _, _, supplied, _ = self.total()
+        supply = supplied - self._left_out[0]
+        return error + supply, supply
+
 
 class Ledger:
     """Follows the samples of one run.

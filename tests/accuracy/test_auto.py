@@ -369,7 +369,10 @@ def test_two_runs_that_err_alike_are_told_apart_by_a_third() -> None:
     alike = CheckedRun(rows, rows, setting, setting, np.zeros(len(rows)), 8.0 / steps)
     tight, _ = runner.sampled(Setting("dopri853", tolerance=1e-13))
     error = float(pose_difference(rows, tight, compiled.layout).max())
-    growth = auto.ulp_growth(runner, setting, trials=1).pose
+    base, _ = runner.sampled(setting)
+    growth = max(
+        auto.apart(rows, base, runner) for rows in auto.from_one_ulp_apart(runner, setting, 1)
+    )
     assert 0.5 * error < auto.by_chance(runner, alike, growth) < 2.0 * error
     assert error > 1e-7
 

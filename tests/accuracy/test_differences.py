@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rb_sim.accuracy.choice import dividing
 from rb_sim.accuracy.ladder import Reference
-from rb_sim.accuracy.runs import Errors, compare, dividing, one_ulp_apart, pose_difference
+from rb_sim.accuracy.runs import Errors, compare, one_ulp_apart, pose_difference
 from rb_sim.mechanics.samples import SampleLayout
 
 ONE = SampleLayout(("b",), ("r",), ("b",), ())

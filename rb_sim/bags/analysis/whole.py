@@ -26,7 +26,7 @@ from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
 from rb_sim.bags.info import GAP, GrowingTime, forward, joined, linear
 from rb_sim.bags.transforms import words
-from rb_sim.checks.sample_integrals import Quadrature
+from rb_sim.checks.balance import Account
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
@@ -252,10 +252,9 @@ class _Balance:
         self.samples = 0
         self.stretches = 0
         self._period: float | None = None
-        self._last: tuple[float, Array] | None = None
-        self._first: Array = np.zeros(7)
-        self._quadrature = Quadrature(7)
-        self._change, self._supply, self._uncertainty = np.zeros(7), np.zeros(7), np.zeros(7)
+        self._last = 0.0
+        """time of the last instant [s]."""
+        self._account = Account(7)
         self._scale = np.zeros(3)
         self._ends = np.zeros(2)
         self._squares = np.zeros((2, 7))
@@ -276,54 +275,37 @@ class _Balance:
         energy, momenta = state[:, 0], state[:, 1:]
         if self._period is None:
             self._period = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
-            self._ends[0] = energy[0]
+            self._ends[0], self._last, self.stretches = energy[0], t[0], 1
         self._ends[1] = energy[-1]
         if noise is not None:
             self._squares += [np.sum(each * each, axis=0) for each in noise]
         self.samples += len(t)
         sizes = [np.linalg.norm(momenta[:, k : k + 3], axis=1).max() for k in (0, 3)]
         self._scale = np.maximum(self._scale, [kinetic.max(), *sizes])
-        steps = np.diff(t, prepend=t[0] if self._last is None else self._last[0])
-        cuts = np.flatnonzero(steps > GAP * self._period).tolist()
-        for a, b in zip([0, *cuts], [*cuts, len(t)], strict=True):
-            if a in cuts or self._last is None:
-                self._end()
-                self._first = state[a]
-            if b > a:
-                self._quadrature.add(t[a:b], supply[a:b])
-                self._last = float(t[b - 1]), state[b - 1]
-
-    def _end(self) -> None:
-        """End the current stretch."""
-        if self._last is not None:
-            total, uncertainty, _ = self._quadrature.total()
-            self._change += self._last[1] - self._first
-            self._supply += total
-            self._uncertainty += uncertainty
-            self.stretches += 1
-            self._quadrature = Quadrature(7)
+        gaps = np.diff(t, prepend=self._last) > GAP * self._period
+        self.stretches += int(gaps.sum())
+        self._account.add(t, state, supply, gaps)
+        self._last = t[-1]
 
     def as_dict(self) -> dict[str, Any]:
         """Balances in the format of `Ledger`; None without samples."""
         if not self.samples:
             return {"energy": None, "momentum": None}
-        self._end()
-        self._last = None
-        error = self._change - self._supply
-        scale = np.maximum(self._scale, [np.linalg.norm(self._change[k]) for k in _PARTS])
-        scale = np.maximum(scale, [np.linalg.norm(self._supply[k]) for k in _PARTS])
+        error, uncertainty, *_ = self._account.total()
+        change, supply = self._account.in_stretches()
+        scale = np.maximum(self._scale, [np.linalg.norm(change[k]) for k in _PARTS])
+        scale = np.maximum(scale, [np.linalg.norm(supply[k]) for k in _PARTS])
         noise = self._noise()
         parts = []
         for part, size in zip(_PARTS, scale.tolist(), strict=True):
             apart = float(np.linalg.norm(error[part]))
             relative = apart / size if size > 0.0 else None
-            uncertainty = float(np.linalg.norm(self._uncertainty[part]))
             parts.append({"error": apart, "relative": relative, "scale": size,
-                          "quadrature": uncertainty,
+                          "quadrature": float(np.linalg.norm(uncertainty[part])),
                           "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
         initial, final = self._ends.tolist()
         parts[0] |= {"error": float(error[0]), "initial": initial, "final": final,
-                     "change": float(self._change[0]), "work": float(self._supply[0])}  # fmt: skip
+                     "change": float(change[0]), "work": float(supply[0])}  # fmt: skip
         return {
             "stretches": self.stretches,
             "energy": parts[0],
