@@ -185,14 +185,18 @@ number may start at 0."""
 
 
 def raw_jacobian(
-    recording: Recording, scene_at: Callable[[np.ndarray], Scene], x: np.ndarray
-) -> np.ndarray:
-    """d (position, rotation) of each pose in turn / d x, shape (6 poses, len(x)) [m, rad].
+    recording: Recording,
+    scene_at: Callable[[np.ndarray], Scene],
+    x: np.ndarray,
+    like: TangentSimulation | None = None,
+) -> tuple[np.ndarray, TangentSimulation]:
+    """d (position, rotation) of each pose in turn / d x, shape (6 poses, len(x)) [m, rad], and the
+    run that gave it; `like`: that of another x.
 
     Raises NotSmoothError if the motion has no derivatives, SimulationError as a run does.
     """
     sizes = np.clip(np.abs(x), SMALL, 1.0)
-    simulation = TangentSimulation(scene_at, x, sizes.tolist())
+    simulation = TangentSimulation(scene_at, x, sizes.tolist(), like)
     made: list[SampleBlock] = []
     parts: list[list[SampleBlock]] = []
     for block in followed(simulation, recording):
@@ -217,7 +221,7 @@ def raw_jacobian(
             part[:n, :3] = change.position[at, i] - rotation_change(q, dq, r) - rotate(q, dr)
             part[:n, 3:] = _turn_change(seen.orientation[:n], q, dq)
             columns[k] = np.append(columns[k], part.ravel())
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1), simulation
 
 
 def _center_change(
@@ -301,6 +305,8 @@ class _Problem:
         self._options = scene.simulation
         self.smooth = True
         """False once exact derivatives were not available."""
+        self._like: TangentSimulation | None = None
+        """the last run with derivatives, whose laws serve the next one."""
         self.trouble = ""
         self.refused = 0
         """number of trials that could not be simulated."""
@@ -354,7 +360,8 @@ class _Problem:
         if self.smooth:
             try:
                 self.runs += 1
-                return self._usable_rows(raw_jacobian(self.recording, self.scene_at, x))
+                found, self._like = raw_jacobian(self.recording, self.scene_at, x, self._like)
+                return self._usable_rows(found)
             except (NotSmoothError, SimulationError):
                 self.smooth, self._options = False, differenced(self._options)
         return self._usable_rows(differences(self.raw, x))

@@ -493,6 +493,16 @@ def leaves(x: Any) -> Iterator[Any]:
         yield x
 
 
+def graph_within(values: tuple[Any, ...]) -> Graph | None:
+    """Graph of the first symbol in nested tuples; None if there are only numbers."""
+    for x in values:
+        if isinstance(x, Symbol):
+            return x.graph
+        if isinstance(x, tuple) and (graph := graph_within(x)) is not None:
+            return graph
+    return None
+
+
 def explored(function: Callable[..., Any], *arguments: Any) -> Any:
     """function(*arguments), where the function may branch on symbols.
 
@@ -500,7 +510,7 @@ def explored(function: Callable[..., Any], *arguments: Any) -> Any:
     So it must not contain loops that end on a condition, or long chains of branches. On floats it
     runs once, unchanged.
     """
-    graph = graph_of(leaves(arguments))
+    graph = graph_within(arguments)
     if graph is None:
         return function(*arguments)
     outer = graph.path

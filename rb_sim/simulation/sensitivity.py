@@ -119,25 +119,27 @@ class TangentInputs:
         return found
 
 
+def with_directions(
+    laws: ReducedLaws | MultiBodyLaws, varied: Sequence[Place], directions: int
+) -> _Reduced | _MultiBody:
+    """The laws with their derivatives along as many directions."""
+    own: _Reduced | _MultiBody
+    if isinstance(laws, MultiBodyLaws):
+        own = _MultiBody(laws.system, laws.width, laws.redundant, varied, laws.dependent)
+    else:
+        own = _Reduced(laws.system, laws.n, laws.width, varied)
+    own.directions = directions
+    own.given = len(own.inputs.values(own.system, 0.0))
+    return own
+
+
 class TangentLaws:
     """The laws of a motion with its derivatives along some directions, as loops call them.
 
     Its coordinates are y and dy/dk for each direction, its samples likewise.
     """
 
-    def __init__(
-        self,
-        laws: ReducedLaws | MultiBodyLaws,
-        varied: Sequence[Place],
-        directions: Sequence[Weighted],
-    ) -> None:
-        own: _Reduced | _MultiBody
-        if isinstance(laws, MultiBodyLaws):
-            own = _MultiBody(laws.system, laws.width, laws.redundant, varied, laws.dependent)
-        else:
-            own = _Reduced(laws.system, laws.n, laws.width, varied)
-        own.directions = len(directions)
-        own.given = len(own.inputs.values(own.system, 0.0))
+    def __init__(self, own: _Reduced | _MultiBody, directions: Sequence[Weighted]) -> None:
         self._own = own
         copies = 1 + len(directions)
         self.n, self.width = copies * own.n, copies * own.width
@@ -178,7 +180,7 @@ class TangentSimulation(Simulation):
     """A simulation of scene_at(x) with the derivatives of its samples by the numbers x.
 
     scene_at: scenes that differ only in numbers. scales: of each number; scenes within 3 percent of
-    it must be valid.
+    it must be valid. like: one of the same scenes and numbers, whose laws need not be traced again.
 
     Raises NotSmoothError without derivatives: contacts, instants of the scene that depend on the
     numbers, a start that does not depend on them smoothly, laws without a derivative.
@@ -187,19 +189,27 @@ class TangentSimulation(Simulation):
     _is_trial = True
 
     def __init__(
-        self, scene_at: Callable[[Array], Scene], x: Array, scales: Sequence[float]
+        self,
+        scene_at: Callable[[Array], Scene],
+        x: Array,
+        scales: Sequence[float],
+        like: TangentSimulation | None = None,
     ) -> None:
         x, self.scales = np.array(x, dtype=float), np.abs(np.array(scales, dtype=float))
         scene = carried(scene_at(x))
         compiled = compile_scene(scene)
         self._beside = [_beside(scene_at, x, k, STEP * self.scales[k]) for k in range(len(x))]
         members = [compiled, *(c for by_offset in self._beside for c in by_offset.values())]
-        family = _family(members)
-        super().__init__(scene, announce=None, family=family)
+        if like is not None and _holds(like.family, members):
+            self.family, self._laws = like.family, like._laws
+        else:
+            self.family = family = _family(members)
+            self._laws = with_directions(family.laws, family.places, len(x))
+        super().__init__(scene, announce=None, family=self.family)
         self._rows: list[Array] = []
-        self._carry(compiled, family)
+        self._carry(compiled)
 
-    def _carry(self, compiled: Compiled, family: Family) -> None:
+    def _carry(self, compiled: Compiled) -> None:
         """Replace the motion by the motion with derivatives."""
         directions, starts = [], [np.array(compiled.y, dtype=float)]
         for k, by_offset in enumerate(self._beside):
@@ -207,12 +217,13 @@ class TangentSimulation(Simulation):
             directions.append([(SIXTH[j] / h, c.system) for j, c in by_offset.items()])
             starts.append(_derivative({j: np.array(c.y, float) for j, c in by_offset.items()}, h))
             inputs = {
-                j: np.array(family.laws.inputs.values(c.system, 0.0)) for j, c in by_offset.items()
+                j: np.array(self.family.laws.inputs.values(c.system, 0.0))
+                for j, c in by_offset.items()
             }
             _derivative(inputs, h)  # checks that it is smooth
         y = np.concatenate(starts)
         extended = replace(compiled, y=tuple(y.tolist()) if compiled.reduced else y)
-        laws = TangentLaws(family.laws, family.places, directions)
+        laws = TangentLaws(self._laws, directions)
         extended.__dict__["laws"] = laws  # cached_property looks there
         try:
             motion = TracedMotion(extended, self.method)
@@ -285,15 +296,24 @@ def changed_settings(one: Scene, other: Scene) -> str:
     return next((f"simulation.{key}" for key in a if a[key] != b[key]), "")
 
 
+def _at_the_same_instants(members: list[Compiled]) -> bool:
+    return all(member.breakpoints == members[0].breakpoints for member in members)
+
+
+def _holds(family: Family, members: list[Compiled]) -> bool:
+    """Whether the scenes are of this family."""
+    return _at_the_same_instants(members) and all(family.has(m.system) for m in members)
+
+
 def _family(members: list[Compiled]) -> Family:
     """The family of the scenes. Raises NotSmoothError if they are not of one kind."""
     first = members[0]
-    if any(member.breakpoints != first.breakpoints for member in members):
+    if not _at_the_same_instants(members):
         raise NotSmoothError("sensitivities: instants of the scene depend on the numbers")
     family = family_of(members)
     if family is None or first.laws is None:
         raise NotSmoothError("sensitivities: the scene has contacts")
-    if not all(family.has(member.system) for member in members):
+    if not _holds(family, members):
         raise NotSmoothError("sensitivities: the kind of the scene depends on the numbers")
     return family
 

@@ -82,13 +82,18 @@ def run(tmp_path_factory) -> Path:
     return out
 
 
-def test_the_slider_moves_the_body_to_where_it_was(run, capsys):
-    """Pose to single precision; and at the pixel where its centre of mass is, its colour."""
-    show(str(run))
-    page = run / "show.html"
-    assert capsys.readouterr().out.startswith(f"wrote {page}: ")
-    recorded = Trajectory.from_bag(run / "bag")
-    found = ask(page, """
+QUESTIONS = {
+    "text": "return document.body.innerText;",
+    "order": """
+        const axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], box = [0, 0, 1, 1];
+        const about = {axes, box}, ball = {kind: "ball", radius: 0.3, center: [-4.5, 0, 0.4]};
+        const plank = {kind: "box", half: [5, 0.5, 0.1], center: [0, 0, 0]};
+        const pole = {kind: "cylinder", radius: 0.1, length: 8, center: [0, 0, 4.1]};
+        Object.entries({plank, ball, pole}).map(([name, s]) => Object.assign(s, about, {name}));
+        return [[6, 0, 2], [6, 0, -2]].map(
+          (eye) => inOrder([ball, pole, plank], eye).map((solid) => solid.name));
+    """,
+    "slider": """
         const slider = document.getElementById("slider"), answers = [];
         const pen = document.getElementById("scene").getContext("2d");
         for (const t of [0.3, 0.8]) {
@@ -102,33 +107,11 @@ def test_the_slider_moves_the_body_to_where_it_was(run, capsys):
           answers.push({...pose, pixel: [x, y], color, clock});
         }
         return answers;
-    """, "--window-size=1200,1000")  # fmt: skip
-    for t, shown in zip((0.3, 0.8), found, strict=True):
-        k = int(np.argmin(np.abs(recorded.t - t)))
-        np.testing.assert_allclose(shown["position"], recorded.position["top"][k], atol=1e-6)
-        q = recorded.orientation["top"][k]
-        assert abs(np.dot(shown["orientation"], q)) == pytest.approx(1.0, abs=1e-6)
-        assert shown["clock"] == f"t = {t:.4f} s"
-        red, _, blue, _ = shown["color"]
-        assert blue - red > 60  # the disk is blue, what is behind it grey
-    assert np.linalg.norm(np.subtract(found[0]["pixel"], found[1]["pixel"])) > 20.0
-
-
-def test_the_page_says_what_it_shows(run):
-    show(str(run))
-    reported = facts(run / "show.html")
-    assert reported["method"] == "rk4, step 0.002 s" and reported["samples"] == "51"
-    assert reported["simulated"] == "1 s" and "rb_sim" in reported["versions"]
-    text = ask(run / "show.html", "return document.body.innerText")
-    assert "a top </script> <b>" in text  # as it is, no markup
-    assert "tip: force" not in text and "an arrow of" in text
-
-
-def test_play_and_keys_and_mouse(run):
-    show(str(run))
-    found = ask(run / "show.html", """
+    """,
+    "hands": """
         const press = (key) => document.dispatchEvent(new KeyboardEvent("keydown", {key}));
         const {state, camera} = rb_sim, canvas = document.getElementById("scene");
+        rb_sim.seek(0);
         press("ArrowRight");
         const stepped = state.time;
         press(" ");
@@ -142,7 +125,47 @@ def test_play_and_keys_and_mouse(run):
         canvas.dispatchEvent(new WheelEvent("wheel", {deltaY: -100, cancelable: true}));
         return {stepped, playing, stopped: !state.playing, turned: yaw - camera.yaw,
                 nearer: camera.distance / far};
-    """)  # fmt: skip
+    """,
+}
+"""Asked one after the other: the browser takes a second to start."""
+
+
+@pytest.fixture(scope="module")
+def answers(run) -> dict:
+    """What the page of that run says."""
+    show(str(run))
+    parts = (f"{name}: (() => {{ {script} }})()" for name, script in QUESTIONS.items())
+    return ask(run / "show.html", f"return {{{', '.join(parts)}}};", "--window-size=1200,1000")
+
+
+def test_the_slider_moves_the_body_to_where_it_was(run, answers):
+    """Pose to single precision; and at the pixel where its centre of mass is, its colour."""
+    found = answers["slider"]
+    recorded = Trajectory.from_bag(run / "bag")
+    for t, shown in zip((0.3, 0.8), found, strict=True):
+        k = int(np.argmin(np.abs(recorded.t - t)))
+        np.testing.assert_allclose(shown["position"], recorded.position["top"][k], atol=1e-6)
+        q = recorded.orientation["top"][k]
+        assert abs(np.dot(shown["orientation"], q)) == pytest.approx(1.0, abs=1e-6)
+        assert shown["clock"] == f"t = {t:.4f} s"
+        red, _, blue, _ = shown["color"]
+        assert blue - red > 60  # the disk is blue, what is behind it grey
+    assert np.linalg.norm(np.subtract(found[0]["pixel"], found[1]["pixel"])) > 20.0
+
+
+def test_the_page_says_what_it_shows(run, answers, capsys):
+    show(str(run))
+    assert capsys.readouterr().out.startswith(f"wrote {run / 'show.html'}: ")
+    reported = facts(run / "show.html")
+    assert reported["method"] == "rk4, step 0.002 s" and reported["samples"] == "51"
+    assert reported["simulated"] == "1 s" and "rb_sim" in reported["versions"]
+    text = answers["text"]
+    assert "a top </script> <b>" in text  # as it is, no markup
+    assert "tip: force" not in text and "an arrow of" in text
+
+
+def test_play_and_keys_and_mouse(answers):
+    found = answers["hands"]
     assert found["stepped"] == pytest.approx(0.02) and found["playing"] and found["stopped"]
     assert found["turned"] == pytest.approx(0.48) and found["nearer"] < 0.95
 
@@ -239,19 +262,9 @@ def test_between_samples_a_body_turns_the_short_way(tmp_path):
         assert (x, y) == (0.0, 0.0)
 
 
-def test_nearer_solids_are_drawn_later(run):
+def test_nearer_solids_are_drawn_later(answers):
     """Whatever their centres are: a small ball on a long plank, from above and from below."""
-    show(str(run))
-    found = ask(run / "show.html", """
-        const axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], box = [0, 0, 1, 1];
-        const about = {axes, box}, ball = {kind: "ball", radius: 0.3, center: [-4.5, 0, 0.4]};
-        const plank = {kind: "box", half: [5, 0.5, 0.1], center: [0, 0, 0]};
-        const pole = {kind: "cylinder", radius: 0.1, length: 8, center: [0, 0, 4.1]};
-        Object.entries({plank, ball, pole}).map(([name, s]) => Object.assign(s, about, {name}));
-        return [[6, 0, 2], [6, 0, -2]].map(
-          (eye) => inOrder([ball, pole, plank], eye).map((solid) => solid.name));
-    """)  # fmt: skip
-    above, below = found
+    above, below = answers["order"]
     assert above.index("plank") < above.index("ball") < above.index("pole")
     assert below[-1] == "plank"
 

@@ -254,7 +254,7 @@ def test_a_swing_keeps_its_digits(
     # 100 steps of 1e-10 of the swing, or 600 of 1e-8 of an estimate (radau5); rounding of a
     # quaternion is 1e-7 of a swing of 1e-9 in a step, of any sign. 3e-2 to all of it was lost in SI
     simulation = Simulation(load_scene(rods(count, joint, length, amplitude, **options)))
-    run = simulation.run()
+    run = simulation.run(watched=False)
     angles = np.stack([2.0 * run.orientation[f"rod{i}"][:, 1] for i in range(count)], axis=1)
     error = np.abs(angles / amplitude - linear(count, length, run.t)).max()
     assert error < 1e-7
@@ -282,7 +282,7 @@ def test_what_only_slows_down_keeps_its_digits_beside_a_small_swing() -> None:
         "air": {"type": "linear_drag", "body": "slow", "coefficient": drag},
     }  # fmt: skip
     simulation = Simulation(load_scene(scene))
-    run = simulation.run()
+    run = simulation.run(watched=False)
     assert simulation.held_bodies == {"slow", "swing"}
     way = speed / drag * (1.0 - np.exp(-drag * run.t))
     assert np.abs(run.position["slow"][:, 0] - way).max() < 1e-9 * speed
@@ -349,7 +349,7 @@ def test_small_bodies_on_a_spring_that_is_much_stiffer_keep_their_digits(method:
         },
         "simulation": {"duration": 5.0, "rate": 20.0, "method": method},
     }
-    run = Simulation(load_scene(mapping)).run()
+    run = Simulation(load_scene(mapping)).run(watched=False)
     square, modes = np.linalg.eigh(np.array([[1.0 + 1e8, -1e8], [-1e8, 1e8]]))
     rates = np.sqrt(square)
     start = 1e-6 * modes.sum(axis=0) / rates

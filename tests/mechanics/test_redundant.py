@@ -290,7 +290,7 @@ def test_a_run_in_pieces_is_the_run_in_one() -> None:
     for t in (0.3, 0.7123, 1.4):
         parts.advance(t - parts.time)
         parts.sample()
-    rest = parts.run(TIME - 1.4, 40.0)
+    rest = parts.run(TIME - 1.4, 40.0, watched=False)
     coarse = watched(Bennett(2).scene(TURNING, rate=5.0, **options))
     for name in whole.position:
         np.testing.assert_array_equal(rest.position[name][-1], whole.position[name][-1])
@@ -341,8 +341,8 @@ def test_what_is_chosen_hangs_on_the_steps_alone() -> None:
     """Samples between, and another run of the same scene between, change no bit."""
     options = {"method": "rk4", "step": 0.005}
     scene = scene_from_mapping(beside_a_ball(2, rate=10.0, **options))
-    whole = Simulation(scene).run()
-    fine = Simulation(scene_from_mapping(beside_a_ball(2, rate=130.0, **options))).run()
+    often = scene_from_mapping(beside_a_ball(2, rate=130.0, **options))
+    whole, fine = (Simulation(asked).run(watched=False) for asked in (scene, often))
     first, second = Simulation(scene), Simulation(scene)
     for k in range(1, 21):
         for run, share in ((first, 1.0), (second, 0.37)):

@@ -178,7 +178,7 @@ def stiff_scene(case: dict[str, Any], **options: Any) -> Any:
 @pytest.mark.parametrize("name", ["stiff_spring_undamped", "stiff_spring_overdamped"])
 def test_stiff_spring(name: str, cases: dict[str, Any]) -> None:
     case = cases[name]
-    run = Simulation(stiff_scene(case, tolerance=TIGHT)).run()
+    run = Simulation(stiff_scene(case, tolerance=TIGHT)).run(watched=False)
     found = errors(case, run, reaction_of(case, run))
     assert max(found.values()) <= LIMIT, found
 
@@ -210,7 +210,7 @@ def test_oversize_output_step(cases: dict[str, Any]) -> None:
     t = case["samples"]["t"]
     for interval in expected["requested_output_steps"]:
         options = {"duration": t[-1], "rate": 1.0 / interval, "tolerance": TIGHT}
-        run = Simulation(load_scene(scene_of(case) | {"simulation": options})).run()
+        run = Simulation(load_scene(scene_of(case) | {"simulation": options})).run(watched=False)
         at = [int(np.abs(run.t - instant).argmin()) for instant in t]
         common = [k for k, i in enumerate(at) if abs(run.t[i] - t[k]) < 1e-12]
         assert len(common) >= 3
@@ -225,7 +225,7 @@ def test_oversize_output_step_of_a_stiff_spring(cases: dict[str, Any]) -> None:
     t = case["samples"]["t"]
     for interval in expected["requested_output_steps"]:
         options = {"rate": 1.0 / interval, "tolerance": TIGHT}
-        run = Simulation(stiff_scene(case, **options)).run()
+        run = Simulation(stiff_scene(case, **options)).run(watched=False)
         at = [int(np.abs(run.t - instant).argmin()) for instant in t]
         common = [k for k, i in enumerate(at) if abs(run.t[i] - t[k]) < 1e-12]
         assert len(common) >= 3

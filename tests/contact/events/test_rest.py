@@ -156,7 +156,7 @@ def box_of_compliant(lean: float = 0.0, **simulation: Any) -> Simulation:
 @pytest.mark.parametrize("lean", [0.0, 0.2])
 def test_it_comes_to_rest(lean: float) -> None:
     simulation = box_of_compliant(lean, duration=1.0, rate=200)
-    found = simulation.run()
+    found = simulation.run(watched=False)
     assert simulation.steps < 20_000
     assert [e.kind for e in simulation.events[-4:]] == ["sticks"] * 4
     for velocity in (found.linear_velocity["box"][-1], found.angular_velocity["box"][-1]):
@@ -170,7 +170,7 @@ def test_it_comes_to_rest(lean: float) -> None:
 
 def test_on_the_way_it_moves_as_an_independent_program_says() -> None:
     """At 0.12 s corners slip by some 1e-5 m/s, and have stuck six times."""
-    found = box_of_compliant(duration=0.12, rate=100).run()
+    found = box_of_compliant(duration=0.12, rate=100).run(watched=False)
     for name, (expected, off) in REFERENCE.items():
         np.testing.assert_allclose(getattr(found, name)["box"][-1], expected, rtol=0.0, atol=off)
 

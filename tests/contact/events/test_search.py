@@ -128,7 +128,7 @@ def steps_of_a_bounce(damping: float) -> int:
     mapping = scene(ball([0.0, 0.0, 0.3]), soft)
     mapping["simulation"]["duration"] = 0.3
     simulation = Simulation(load_scene(mapping))
-    simulation.run()
+    simulation.run(watched=False)
     assert len(simulation.events) == 2
     return simulation.steps
 
@@ -256,7 +256,7 @@ def test_nothing_falls_through(number):
         "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}},
         "simulation": {"duration": rng.uniform(1, 4), "rate": float(rng.choice([1, 10, 100]))},
     }
-    run = Simulation(load_scene(scene)).run()
+    run = Simulation(load_scene(scene)).run(watched=False)
     inmost = depth(shape, radius, run.position["ball"]).max()
     assert inmost < 1e-9 * (radius + abs(far[0]))
     t = np.linspace(0.0, run.t[-1], FINE)
@@ -370,7 +370,7 @@ SCENE: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def often() -> Any:
     """The run with many samples inside a step."""
-    return Simulation(load_scene(SCENE)).run()
+    return Simulation(load_scene(SCENE)).run(watched=False)
 
 
 def test_every_sample_is_a_state(often: Any) -> None:
@@ -385,7 +385,7 @@ def test_every_sample_is_a_state(often: Any) -> None:
 def test_seldom_samples_show_the_same_motion(often: Any) -> None:
     """What is done for a sample does not change the steps."""
     options = SCENE["simulation"] | {"rate": 50.0}
-    seldom = Simulation(load_scene(SCENE | {"simulation": options})).run()
+    seldom = Simulation(load_scene(SCENE | {"simulation": options})).run(watched=False)
     np.testing.assert_array_equal(often.position["b"][-1], seldom.position["b"][-1])
 
 

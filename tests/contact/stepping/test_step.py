@@ -175,8 +175,8 @@ def test_a_spring_that_has_lost_its_direction_ends_the_run() -> None:
     with pytest.raises(
         StepTooLargeError, match=r"no longer finite at t = 0 s: step 0\.1 s is too large"
     ):
-        Simulation(pulled(10.0)).run()
-    assert np.isfinite(Simulation(pulled(10.1)).run().energy).all()
+        Simulation(pulled(10.0)).run(watched=False)
+    assert np.isfinite(Simulation(pulled(10.1)).run(watched=False).energy).all()
 
 
 # What keeps touching, or rolls, keeps its energy to second order in the step, and gains none.
@@ -211,7 +211,7 @@ SCENES = {
 def run_of(name: str, **how: Any) -> Any:
     mapping = scene(*SCENES[name])
     mapping["simulation"] = {"duration": 0.4, "rate": 50.0} | how
-    return Simulation(mapping).run()
+    return Simulation(mapping).run(watched=False)
 
 
 @pytest.mark.parametrize("name", list(SCENES))
@@ -235,7 +235,7 @@ def hopping(step: float) -> tuple[float, float]:
     mapping = scene(start, touch())
     mapping["simulation"] = {"duration": 0.1, "rate": 1.0 / step}
     mapping["simulation"] |= {"method": "time_stepping", "step": step}
-    run = Simulation(mapping).run()
+    run = Simulation(mapping).run(watched=False)
     return float(run.energy[0]), float((run.energy - np.minimum.accumulate(run.energy)).max())
 
 
