@@ -268,7 +268,7 @@ class BagSink:
         """Write the records that a reader needs before the first message."""
         file.add_metadata(RECORD, self._record)
         for name, text in self._texts.items():
-            file.add_attachment(name, "application/yaml", text, self._start)
+            file.add_attachment(self._start, name, "application/yaml", text)
 
     def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
         """The file for a sample: a new one if the current one reached a limit."""
