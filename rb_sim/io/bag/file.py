@@ -235,13 +235,7 @@ class BagFile(McapWriter):
 
     def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
         """Write one message. time: [ns] since the epoch; sequence: number of the sample."""
-        self.write_all((channel,), time, sequence, (data,))
-
-    def write_all(
-        self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
-    ) -> None:
-        """Write one message on each channel, with the time and sequence of `write`."""
-        self.add_messages(channels, time, sequence, messages)
+        self.add_message(channel, time, sequence, data)
         self._wait()
 
     def write_rows(self, channels: Sequence[int], times: Any, sequence: int, rows: Rows) -> None:

@@ -77,6 +77,11 @@ class Rows(NamedTuple):
     bounds: Sequence[tuple[int, int]]
     """start and end of each message in a row."""
 
+    @property
+    def width(self) -> int:
+        """Bytes of the records of a row."""
+        return sum(MESSAGE.size + end - start for start, end in self.bounds)
+
     def records(self, channels: Sequence[int], times: NDArray[Any], sequence: int) -> Rows:
         """The messages as records. times: [ns], shape (n,); sequence numbers count up."""
         n = len(times)
@@ -162,32 +167,22 @@ class McapWriter:
         self._put(self.channels[-1])
         return number
 
-    def add_messages(
-        self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
-    ) -> None:
-        """Add one message on each channel, logged and published at `time` [ns], with the same
-        sequence number."""
-        self._note(channels, 1, time, time)
-        sequence &= 0xFFFFFFFF
+    def add_message(self, channel: int, time: int, sequence: int, data: bytes) -> None:
+        """Add one message, logged and published at `time` [ns]."""
+        self._note((channel,), 1, time, time)
         chunk = self._chunk
-        content, index, pack, entry = chunk.data, chunk.index, MESSAGE.pack, ENTRY.pack
-        for channel, data in zip(channels, messages, strict=True):
-            entries = index.get(channel)
-            if entries is None:
-                entries = index[channel] = bytearray()
-            entries += entry(time, len(content))
-            content += pack(OPCODE, OWN + len(data), channel, sequence, time, time)
-            content += data
-            if len(content) > self._chunk_size:
-                self._end_chunk()
-                chunk = self._chunk
-                content, index = chunk.data, chunk.index
+        entries = chunk.index.setdefault(channel, bytearray())
+        entries += ENTRY.pack(time, len(chunk.data))
+        size = OWN + len(data)
+        chunk.data += MESSAGE.pack(OPCODE, size, channel, sequence & 0xFFFFFFFF, time, time) + data
+        if len(chunk.data) > self._chunk_size:
+            self._end_chunk()
 
     def add_rows(
         self, channels: Sequence[int], times: NDArray[Any], sequence: int, rows: Rows
     ) -> None:
-        """As `add_messages` for each row, the same bytes, faster; times do not decrease, sequence
-        counts up."""
+        """As `add_message` for each message, row by row, the same bytes, faster; times do not
+        decrease, sequence counts up."""
         self._note(channels, len(times), int(times[0]), int(times[-1]))
         records, bounds = rows.records(channels, times, sequence)
         n, width = records.shape
@@ -199,8 +194,7 @@ class McapWriter:
         first = 0
         while first < n * each:
             chunk, begin = self._chunk, int(starts[first])
-            room = self._chunk_size - len(chunk.data)
-            over = int(np.searchsorted(ends, begin + room, side="right"))
+            over = int(np.searchsorted(ends, begin + self.room, side="right"))
             stop = min(over + 1, n * each)
             entries[first:stop, 1] += len(chunk.data) - begin
             for i in range(first, min(first + each, stop)):
@@ -217,6 +211,11 @@ class McapWriter:
             self.counts[channel] = self.counts.get(channel, 0) + count
         begin, end = self.span or (first, last)
         self.span = min(first, begin), max(last, end)
+
+    @property
+    def room(self) -> int:
+        """Bytes that fit into the open chunk; it ends with the message beyond them."""
+        return max(0, self._chunk_size - len(self._chunk.data))
 
     @property
     def waiting(self) -> bool:
