@@ -118,12 +118,12 @@ def test_samples_written_together_are_those_written_one_by_one(
 ):
     """Also after a reset, where the log goes on."""
     found, block = [], samples(400)
-    for sizes in (sizes, [1] * 400):
+    for grouped in (sizes, [1] * 400):
         directory = tmp_path / str(len(found)) / "bag"
         sink = BagSink(directory)
         sink.open(scene, layout)
         for _ in range(2):
-            for first, size in zip(np.cumsum(sizes) - sizes, sizes, strict=True):
+            for first, size in zip(np.cumsum(grouped) - grouped, grouped, strict=True):
                 part = slice(first, first + size)
                 arrays = {name: getattr(block, name)[part] for name in ARRAYS}
                 sink.write(replace(block, **arrays))
