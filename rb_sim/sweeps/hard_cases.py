@@ -14,7 +14,6 @@ The report consists of JSON, a Markdown page, and a picture.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
@@ -31,6 +30,7 @@ from rb_sim.accuracy.runs import pose_gaps
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import one_of
 from rb_sim.base.palette import BAD, FAINT, GOOD, NARROW, TEXT
+from rb_sim.base.plain_data import write_json
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.listing import find_scene
@@ -396,26 +396,14 @@ def write(
     quick: bool = False,
 ) -> list[Path]:
     """Write the three files into the folder, four with rows of other engines. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"hard-cases.{kind}" for kind in ("json", "md", "png")]
-    write_json(paths[0], [{**row._asdict(), "margin": row.margin} for row in rows])
+    write_json([{**row._asdict(), "margin": row.margin} for row in rows], paths[0])
     paths[1].write_text(markdown(cases, rows, peers, quick), encoding="utf-8")
     if peers:
         paths.append(folder / "hard-cases-peers.json")
-        write_json(paths[-1], [row._asdict() for row in peers])
+        write_json([row._asdict() for row in peers], paths[-1])
     picture(cases, rows, paths[2])
     return paths
-
-
-def write_json(path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
-    """Write the entries as a JSON list; numbers that are not finite become null."""
-    plain = [{key: finite(value) for key, value in entry.items()} for entry in entries]
-    path.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
-
-
-def finite(value: object) -> object:
-    """The value, or None for a number that JSON cannot represent."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def number(value: float) -> str:

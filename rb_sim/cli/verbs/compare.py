@@ -11,13 +11,14 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, check_ending
+from rb_sim.base.plain_data import json_text, write_json
+from rb_sim.cli.plain import columns, note, plain_console, warn
 
 if TYPE_CHECKING:
     from rb_sim.bags.compare import Differences
@@ -50,7 +51,6 @@ class CompareOptions:
 def compare(options: CompareOptions) -> int:
     """Compare two motions; returns 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
-    from rb_sim.cli.verbs.replay import warn
 
     check_ending(options.screenshot, ".png")
     for name, bound in options.bounds.items():
@@ -63,7 +63,7 @@ def compare(options: CompareOptions) -> int:
     report = summary(found, options.bounds)
     warn(found.notes)
     if options.as_json:
-        print(json.dumps(report, indent=2))
+        print(json_text(report))
     else:
         _print(report)
     if options.out is not None:
@@ -141,7 +141,6 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
     from rb_sim.bags.resim import resimulate
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.fit import refuse_wrench
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.io.bag.reader import reader_of
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
@@ -165,7 +164,6 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     from rb_sim.bags.compare import shown_offset
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.checks.check_list import CheckedSamples
-    from rb_sim.cli.verbs.replay import note, warn
     from rb_sim.fit.recording import followed, pairs_of, recorded_by_others
     from rb_sim.simulation.simulation import Simulation
 
@@ -187,28 +185,26 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
 
 
 def _print(report: dict[str, Any]) -> None:
-    from rich.table import Table
-
     from rb_sim.bags.compare import UNITS
-    from rb_sim.cli.plain import plain_console
 
     print(_clocks(report))
     start = report["start"]
     if start:
         print(f"t from {start:.6f} s on")
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "interpolation",
-                              "apart from t [s]", "growth [1/s]")):  # fmt: skip
-        justify = "left" if k < 2 else "right"
-        table.add_column(name, justify=justify, overflow="fold", no_wrap=k == 1)
+    heads = (
+        *("of", "", "RMS", "largest", "at t [s]"),
+        *("interpolation", "apart from t [s]", "growth [1/s]"),
+    )
+    rows = []
     for name, quantities in report["differences"].items():
         for quantity, row in quantities.items():
             unit = UNITS[quantity]
             since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
             growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
             uncertainty = f"{row['interpolation']:.2g}" if row["interpolation"] else ""
-            table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
-                          f"{row['at'] - start:.6g}", uncertainty, since, growth)  # fmt: skip
+            rows.append((name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
+                         f"{row['at'] - start:.6g}", uncertainty, since, growth))  # fmt: skip
+    table = columns(heads, rows, names=heads[:2], folded=(heads[0], *heads[2:]))
     plain_console(highlight=False).print(table)
 
 
@@ -234,7 +230,7 @@ def _write(folder: Path, report: dict[str, Any], found: Differences, a: Tracks, 
 
     written = ["compare.json", "compare.png"]
     with writing(folder):
-        (folder / "compare.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        write_json(report, folder / "compare.json")
         picture(found, a, b, folder / "compare.png")
         try:
             overlay(a, b, found, folder / "compare.rrd")

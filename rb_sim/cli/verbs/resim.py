@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.plain_data import json_text
+from rb_sim.cli.plain import warn
 
 if TYPE_CHECKING:
     from rb_sim.bags.resim import Identity
@@ -53,7 +55,6 @@ def resim(options: ResimOptions) -> int:
 
     Raises RbSimError.
     """
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.io.bag.reader import BagReader
 
     reader = BagReader(options.bag, unfinished=True)
@@ -71,7 +72,6 @@ def resim(options: ResimOptions) -> int:
 
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     from rb_sim.bags.resim import resimulate
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.cli.verbs.scenes import with_changes
     from rb_sim.io.bag.reader import scene_as_run
     from rb_sim.scene.load import load_scene
@@ -97,7 +97,7 @@ def _say_identity(recorded: BagReader, again: BagReader, as_json: bool) -> int:
 
     found = identity(recorded, again)
     if as_json:
-        print(json.dumps(found.as_dict(), indent=2))
+        print(json_text(found.as_dict()))
     else:
         print("\n".join(identity_lines(found, _other(recorded))))
     return 0 if found.same or (recorded.damage and found.identical == found.samples) else DIFFERENT

@@ -294,7 +294,8 @@ class _Run:
     def _finish(self, simulation: Simulation, check_list: CheckList, clocks: Clocks) -> int:
         """Close the logs and print the summary; returns the exit code."""
         from rb_sim.checks.step_search import quiet_step
-        from rb_sim.cli.summary import print_summary, summarize
+        from rb_sim.cli.plain import facts
+        from rb_sim.cli.summary import lines, summarize
 
         outcome, cause = self.failure or "finished", self.interruption.cause
         if cause is not None:
@@ -312,7 +313,7 @@ class _Run:
         complete = self._write_files(simulation, summary)
         complete &= not any(output.failure for output in self.outputs.values())
         if not self.options.quiet:
-            print_summary(summary, _console())
+            _console().print(facts(lines(summary)))
             self._say_what_is_written()
         return self._exit_code(check_list, complete)
 
@@ -368,7 +369,7 @@ class _Run:
 
     def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
         """Write summary.json and the .npz file; returns whether both succeeded."""
-        from rb_sim.cli.summary import write_json
+        from rb_sim.base.plain_data import write_json
 
         complete = True
         if self.options.out is not None:
