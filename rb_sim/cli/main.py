@@ -287,35 +287,13 @@ def run(
 
     With --out, DIR gets bag/ (ROS 2, MCAP), recording.rrd (Rerun), plots.png and summary.json.
     """
+    given = locals()  # by the names of RunOptions, but for these
+    given |= {"bag": not given.pop("no_bag"), "plots": not given.pop("no_plots")}
+    given["changes"] = tuple(given.pop("change") or ())
     from rb_sim.cli.verbs.run import RunOptions
     from rb_sim.cli.verbs.run import run as run_scene
 
-    return run_scene(
-        RunOptions(
-            scene=scene,
-            out=out,
-            overwrite=overwrite,
-            duration=duration,
-            rate=rate,
-            method=method,
-            step=step,
-            tolerance=tolerance,
-            bag=not no_bag,
-            rerun=rerun,
-            plots=not no_plots,
-            npz=npz,
-            accelerations=accelerations,
-            quiet=quiet,
-            wall_stamps=wall_stamps,
-            strict=strict,
-            certify=certify,
-            check=check,
-            max_wall=max_wall,
-            changes=tuple(change or ()),
-            split_size=split_size,
-            split_duration=split_duration,
-        )
-    )
+    return run_scene(RunOptions(**given))
 
 
 @verb()

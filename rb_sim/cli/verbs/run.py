@@ -32,8 +32,6 @@ from rb_sim.base.errors import (
 from rb_sim.simulation.signals import BrokenOffError, Interruption
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from rb_sim.checks.check import Effort
     from rb_sim.checks.check_list import CheckList
     from rb_sim.cli.summary import Clocks
@@ -294,7 +292,7 @@ class _Run:
     def _finish(self, simulation: Simulation, check_list: CheckList, clocks: Clocks) -> int:
         """Close the logs and print the summary; returns the exit code."""
         from rb_sim.checks.step_search import quiet_step
-        from rb_sim.cli.plain import facts
+        from rb_sim.cli.plain import facts, plain_console
         from rb_sim.cli.summary import lines, summarize
 
         outcome, cause = self.failure or "finished", self.interruption.cause
@@ -313,7 +311,7 @@ class _Run:
         complete = self._write_files(simulation, summary)
         complete &= not any(output.failure for output in self.outputs.values())
         if not self.options.quiet:
-            _console().print(facts(lines(summary)))
+            plain_console(highlight=False).print(facts(lines(summary)))
             self._say_what_is_written()
         return self._exit_code(check_list, complete)
 
@@ -419,14 +417,6 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
         _say(f"warning: {path}: cannot be written: {error.strerror}")
         return False
     return True
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    from rb_sim.cli.plain import width
-
-    return Console(highlight=False, width=width())
 
 
 def _say(line: str) -> None:
