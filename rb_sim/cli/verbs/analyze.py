@@ -12,30 +12,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.plain_data import finite, json_text, write_json
+from rb_sim.cli.options import AnalyzeOptions
 from rb_sim.cli.plain import columns, plain_console, warn
 
 SHOWN = 100
 """Most sources, bodies and notes in the terminal."""
 ELSEWHERE = " (all with --json or --out DIR)"
-
-
-@dataclass(frozen=True)
-class AnalyzeOptions:
-    """Arguments of `rb_sim analyze`."""
-
-    bag: Path
-    out: Path | None = None
-    topics: tuple[str, ...] = ()
-    masses: str | None = None
-    parquet: bool = False
-    as_json: bool = False
 
 
 def analyze(options: AnalyzeOptions) -> int:
@@ -52,7 +39,7 @@ def analyze(options: AnalyzeOptions) -> int:
     table = None if options.out is None else Aligned()
     if options.out is not None:
         make_folder(options.out)
-    topics = frozenset(options.topics) or None
+    topics = frozenset(options.topic or ()) or None
     found = read(options.bag, topics=topics, masses=masses, scene=scene, table=table)
     summary = finite(found.as_dict())
     if options.as_json:

@@ -12,12 +12,13 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, check_ending
 from rb_sim.base.plain_data import json_text, write_json
+from rb_sim.cli.options import CompareOptions
 from rb_sim.cli.plain import columns, note, plain_console, warn
 
 if TYPE_CHECKING:
@@ -27,25 +28,6 @@ if TYPE_CHECKING:
 
 TOO_FAR = 1
 """Exit code if a difference exceeds its bound."""
-
-
-@dataclass(frozen=True)
-class CompareOptions:
-    """Arguments of `rb_sim compare`."""
-
-    a: Path
-    b: str
-    out: Path | None = None
-    as_json: bool = False
-    align: str | None = None
-    """one of ALIGN; None: as `differences` decides."""
-    match: tuple[str, ...] = ()
-    wrench: tuple[str, ...] = ()
-    """topics of applied wrenches, as `recorded_by_others` takes them."""
-    bounds: dict[str, float] = field(default_factory=dict)
-    """largest allowed difference by quantity."""
-    screenshot: Path | None = None
-    """file for a picture of both motions."""
 
 
 def compare(options: CompareOptions) -> int:
@@ -59,7 +41,7 @@ def compare(options: CompareOptions) -> int:
     a = first_tracks(options)
     b = other_tracks(options, a)
     warn([*a.notes, *b.notes])  # before errors, which they may explain
-    found = differences(a, b, align=options.align, match=_pairs(options.match))
+    found = differences(a, b, align=options.align, match=_pairs(options.match or ()))
     report = summary(found, options.bounds)
     warn(found.notes)
     if options.as_json:
@@ -75,7 +57,7 @@ def compare(options: CompareOptions) -> int:
     return TOO_FAR if report["exceeded"] else 0
 
 
-def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
+def _pairs(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         if not all(text.partition("=")):
             raise RbSimError(f"--match {text}: must be NAME_IN_A=NAME_IN_B")
@@ -148,7 +130,7 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
     reader = reader_of(options.a, unfinished=True)
     if reader is None:
         return _beside_others(options, load_scene(find_scene(options.b)), a)
-    refuse_wrench(options.wrench)
+    refuse_wrench(options.wrench or ())
     own = reader.scene.simulation
     scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
@@ -167,8 +149,8 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     from rb_sim.fit.recording import followed, pairs_of, recorded_by_others
     from rb_sim.simulation.simulation import Simulation
 
-    pairs, left_out = pairs_of(a, list(scene.bodies), options.match)
-    recording = recorded_by_others(a, scene, pairs, options.wrench)
+    pairs, left_out = pairs_of(a, list(scene.bodies), options.match or ())
+    recording = recorded_by_others(a, scene, pairs, options.wrench or ())
     warn(left_out)
     note(recording.notes)
     simulation = Simulation(scene)

@@ -12,13 +12,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.plain_data import json_text, write_json
 from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.cli.options import FitOptions
 from rb_sim.cli.plain import columns, note, plain_console, warn
 from rb_sim.fit.fit import Fitted, Recording
 from rb_sim.fit.fit import fit as solve
@@ -55,26 +55,11 @@ def picture(found: Fitted, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-@dataclass(frozen=True)
-class FitOptions:
-    """Arguments of `rb_sim fit`."""
-
-    bag: Path
-    free: str
-    scene: str | None = None
-    out: Path | None = None
-    match: tuple[str, ...] = ()
-    wrench: tuple[str, ...] = ()
-    """topics of applied wrenches, as `recorded_by_others` takes them."""
-    noise: tuple[float, float] | None = None
-    as_json: bool = False
-
-
 def fit(options: FitOptions) -> int:
     """Fit, print and write the results; returns 0. Raises RbSimError."""
     if options.noise is not None and not min(options.noise) > 0:
         raise RbSimError(f"--noise: got {options.noise}; must be two numbers > 0 [m, rad]")
-    keys = [key.strip() for key in options.free.split(",") if key.strip()]
+    keys = [key.strip() for key in ",".join(options.free).split(",") if key.strip()]
     scene, data, recording = set_up(options)
     found = solve(recording, scene, data, keys, options.noise)
     warn([*found.outliers, *found.lost])
@@ -110,13 +95,13 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
     tracks = tracks_of_bag(options.bag, scene)
     warn(tracks.notes)
-    pairs, left_out = pairs_of(tracks, list(scene.bodies), options.match)
+    pairs, left_out = pairs_of(tracks, list(scene.bodies), options.match or ())
     warn(left_out)
     if reader is None:
-        recording = recorded_by_others(tracks, scene, pairs, options.wrench)
+        recording = recorded_by_others(tracks, scene, pairs, options.wrench or ())
         note(recording.notes)
     else:
-        refuse_wrench(options.wrench)
+        refuse_wrench(options.wrench or ())
         recording = Recording(tracks, pairs)
         if tracks.notes == reader.unlisted:
             recording.inputs, recording.count = inputs_of(reader)

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import json
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.plain_data import json_text
+from rb_sim.cli.options import CompareOptions, ResimOptions
 from rb_sim.cli.plain import warn
 
 if TYPE_CHECKING:
@@ -27,26 +27,6 @@ if TYPE_CHECKING:
 
 DIFFERENT = 1
 """Exit code if an unchanged run gives other samples."""
-
-
-@dataclass(frozen=True)
-class ResimOptions:
-    """Arguments of `rb_sim resim`; scene, changes, method, step and tolerance change the run."""
-
-    bag: Path
-    out: Path | None = None
-    scene: str | None = None
-    changes: tuple[str, ...] = ()
-    method: str | None = None
-    step: float | None = None
-    tolerance: float | None = None
-    as_json: bool = False
-    overwrite: bool = False
-
-    @property
-    def what_if(self) -> bool:
-        """True if the run shall differ from the recorded one."""
-        return bool(self.scene or self.changes or self.method or self.step or self.tolerance)
 
 
 def resim(options: ResimOptions) -> int:
@@ -62,9 +42,11 @@ def resim(options: ResimOptions) -> int:
         out = options.out / "bag" if options.out else Path(folder) / "bag"
         _simulate(reader, options, out)
         if options.what_if:
-            from rb_sim.cli.verbs.compare import CompareOptions, compare
+            from rb_sim.cli.verbs.compare import compare
 
-            return compare(CompareOptions(options.bag, str(out), options.out, options.as_json))
+            return compare(
+                CompareOptions(options.bag, str(out), options.out, as_json=options.as_json)
+            )
         code = _say_identity(reader, BagReader(out), options.as_json)
     warn(reader.left_out)
     return code
@@ -79,11 +61,11 @@ def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
 
     overrides = {name: getattr(options, name) for name in ("method", "step", "tolerance")}
     if options.scene is None:
-        scene = scene_as_run(reader, options.changes, overrides)
+        scene = scene_as_run(reader, options.change or (), overrides)
     else:
         own = reader.scene.simulation
         overrides |= {"duration": own.duration, "rate": own.rate}
-        scene = with_changes(options.scene, options.changes, load_scene, **overrides)
+        scene = with_changes(options.scene, options.change or (), load_scene, **overrides)
     if options.out is not None and (out / "metadata.yaml").exists():
         if out.resolve() == reader.path.parent.resolve():
             raise RbSimError(f"--out {options.out}: contains the bag to be simulated again")

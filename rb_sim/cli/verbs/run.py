@@ -17,7 +17,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +28,7 @@ from rb_sim.base.errors import (
     SimulationError,
     StepTooLargeError,
 )
+from rb_sim.cli.options import RunOptions
 from rb_sim.simulation.signals import BrokenOffError, Interruption
 
 if TYPE_CHECKING:
@@ -42,38 +42,6 @@ if TYPE_CHECKING:
 
 
 # Options of a run, and the scene with these options applied.
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """Arguments of `rb_sim run`. None: the scene's own value, or the default."""
-
-    scene: str
-    out: Path | None = None
-    overwrite: bool = False
-    """whether logs of another run in `out` are replaced."""
-    duration: float | None = None
-    rate: float | None = None
-    method: str | None = None
-    step: float | None = None
-    tolerance: float | None = None
-    bag: bool = True
-    rerun: bool | None = None
-    plots: bool = True
-    npz: Path | None = None
-    accelerations: bool = False
-    quiet: bool = False
-    wall_stamps: bool = False
-    strict: bool = False
-    certify: bool = False
-    check: bool | None = None
-    """whether the global error is measured by a second run; None: only if that is quick
-    (checks/second_run)."""
-    max_wall: float | None = None
-    changes: tuple[str, ...] = ()
-    """KEY=VALUE changes of the scene."""
-    split_size: int | None = None
-    split_duration: float | None = None
 
 
 def given(options: RunOptions) -> dict[str, Any]:
@@ -106,12 +74,12 @@ def scene_of(options: RunOptions) -> Scene:
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:
         with warnings.catch_warnings():
-            if options.changes:  # the changed scene warns itself
+            if options.change:  # the changed scene warns itself
                 warnings.simplefilter("ignore", SceneWarning)
             scene = scene_to_run(options.scene, overrides)
-        if not options.changes:
+        if not options.change:
             return scene
-        data = with_values(yaml_reader.parse(as_run_text(scene), scene.file), options.changes)
+        data = with_values(yaml_reader.parse(as_run_text(scene), scene.file), options.change)
         return scene_from_mapping(data, name=scene.name, file=scene.file)
     except SceneError as error:
         section, _, name = error.key.partition(".")
@@ -125,7 +93,7 @@ def check_accelerations(options: RunOptions, scene: Scene) -> None:
     RbSimError."""
     if not options.accelerations:
         return
-    written = options.out is not None and (options.plots or options.bag)
+    written = options.out is not None and not (options.no_plots and options.no_bag)
     if options.npz is None and not written:
         raise RbSimError("--accelerations: give --out DIR for bag and plots, or --npz FILE.npz")
     if scene.simulation.method == "time_stepping":
@@ -219,12 +187,18 @@ class _Run:
             refuse_logs(options.out, "--out", "or use --overwrite")
         scene = scene_of(options)
         check_accelerations(options, scene)
-        wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
-        wanted["accelerations"] = options.accelerations
         start = time.time_ns() if options.wall_stamps else 0
         split = splitting(options)
         outputs = choose(
-            options.out, _say, **wanted, start_ns=start, options=given(options), split=split
+            options.out,
+            _say,
+            bag=not options.no_bag,
+            rerun=options.rerun,
+            plots=not options.no_plots,
+            accelerations=options.accelerations,
+            start_ns=start,
+            options=given(options),
+            split=split,
         )
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
