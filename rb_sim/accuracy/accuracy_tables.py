@@ -14,7 +14,6 @@ The picture shows the error in pose, in reaction, and the energy drift against C
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 import time
@@ -36,7 +35,6 @@ from rich.text import Text
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.closed_forms.at_rest import ExactReactions, exact_reactions
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
-from rb_sim.base.errors import RbSimError
 from rb_sim.base.palette import FAINT, GRID, TEXT, of_method
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.equilibrium import eliminate
@@ -268,15 +266,6 @@ def _plain(values: dict[str, float]) -> dict[str, float | None]:
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def write_json(document: dict[str, Any], path: Path) -> None:
-    """Write accuracy.json. Raises RbSimError if the file cannot be written."""
-    text = json.dumps(document, indent=2, allow_nan=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 # How exact the reactions of bodies at rest are, and what they cost.

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.bags.transforms import (
+    COLUMNS,
     IMU,
     POSE,
     SCALAR,
@@ -56,21 +57,42 @@ if TYPE_CHECKING:
 # after a line of = and "MSG: ...".
 
 
-NEEDED: dict[str, tuple[str, ...]] = {
-    "geometry_msgs/msg/PoseStamped": ("header", "pose"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": ("header", "pose.pose"),
-    "geometry_msgs/msg/Pose": ("position", "orientation"),
-    "geometry_msgs/msg/TwistStamped": ("header", "twist"),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": ("header", "twist.twist"),
-    "geometry_msgs/msg/WrenchStamped": ("header", "wrench"),
-    "geometry_msgs/msg/AccelStamped": ("header", "accel"),
-    "geometry_msgs/msg/TransformStamped": ("header", "child_frame_id", "transform"),
-    "nav_msgs/msg/Odometry": ("header", "child_frame_id", "pose.pose", "twist.twist"),
-    "sensor_msgs/msg/Imu": ("header", "orientation", "angular_velocity", "linear_acceleration"),
-    "std_msgs/msg/Float64": ("data",),
-    "tf2_msgs/msg/TFMessage": ("transforms",),
+class _Read(NamedTuple):
+    """How a message type is read."""
+
+    kind: str
+    layout: str
+    """T stamp, S string, n doubles, _n doubles to skip, (...) a sequence. Layouts from schemas
+    (`layout_of`) also skip: s string, -n a number of n bytes, [n a sequence of these."""
+    needed: tuple[str, ...]
+    """fields that are read completely, in this order."""
+
+
+READ = {
+    "geometry_msgs/msg/PoseStamped": _Read(POSE, "T S 7", ("header", "pose")),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _Read(
+        POSE, "T S 7 _36", ("header", "pose.pose")
+    ),
+    "geometry_msgs/msg/Pose": _Read(POSE, "7", ("position", "orientation")),
+    "geometry_msgs/msg/TransformStamped": _Read(
+        POSE, "T S S 7", ("header", "child_frame_id", "transform")
+    ),
+    "tf2_msgs/msg/TFMessage": _Read(POSE, "(T S S 7)", ("transforms",)),
+    "nav_msgs/msg/Odometry": _Read(
+        POSE, "T S S 7 _36 6 _36", ("header", "child_frame_id", "pose.pose", "twist.twist")
+    ),
+    "geometry_msgs/msg/TwistStamped": _Read(TWIST, "T S 6", ("header", "twist")),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": _Read(
+        TWIST, "T S 6 _36", ("header", "twist.twist")
+    ),
+    "geometry_msgs/msg/WrenchStamped": _Read(WRENCH, "T S 6", ("header", "wrench")),
+    "sensor_msgs/msg/Imu": _Read(
+        IMU,
+        "T S 4 _9 3 _9 3 _9",
+        ("header", "orientation", "angular_velocity", "linear_acceleration"),
+    ),
+    "std_msgs/msg/Float64": _Read(SCALAR, "1", ("data",)),
 }
-"""Fields of each type that are read completely, in this order."""
 INNER = {"tf2_msgs/msg/TFMessage": "geometry_msgs/msg/TransformStamped"}
 """Types that consist of a sequence of another type."""
 SIZES = {
@@ -94,7 +116,7 @@ class _Leaf(NamedTuple):
 
 @cache
 def layout_of(ros_type: str, text: str) -> str:
-    """Layout string (see LAYOUTS) of a message type, from its schema.
+    """Layout string (see READ) of a message type, from its schema.
 
     Raises ValueError if the schema lacks a needed field or cannot be decoded.
     """
@@ -102,9 +124,9 @@ def layout_of(ros_type: str, text: str) -> str:
     inner = INNER.get(ros_type)
     if inner is None:
         return " ".join(_tokens(ros_type, list(_leaves("", "", types, 0))))
-    fields = types[""]
-    if len(fields) != 1 or fields[0][1] != -1 or fields[0][2] != NEEDED[ros_type][0]:
-        raise ValueError(f"its schema of {ros_type} is not a sequence {NEEDED[ros_type][0]} alone")
+    fields, (sequence,) = types[""], READ[ros_type].needed
+    if len(fields) != 1 or fields[0][1:] != (-1, sequence):
+        raise ValueError(f"its schema of {ros_type} is not a sequence {sequence} alone")
     return f"({' '.join(_tokens(inner, list(_leaves('', fields[0][0], types, 0))))})"
 
 
@@ -152,7 +174,7 @@ def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
 
 def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
     """Tokens of the layout string, field by field."""
-    order = {path: k for k, path in enumerate(NEEDED[ros_type])}
+    order = {path: k for k, path in enumerate(READ[ros_type].needed)}
     seen: list[int] = []
     parts: list[tuple[str, int]] = []
     for leaf in leaves:
@@ -204,23 +226,6 @@ def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
 
 _MOST = 10_000
 """Maximum number of transforms in one message; more is taken as damage."""
-
-LAYOUTS: dict[str, str] = {
-    "geometry_msgs/msg/PoseStamped": "T S 7",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "T S 7 _36",
-    "geometry_msgs/msg/Pose": "7",
-    "geometry_msgs/msg/TwistStamped": "T S 6",
-    "geometry_msgs/msg/TwistWithCovarianceStamped": "T S 6 _36",
-    "geometry_msgs/msg/WrenchStamped": "T S 6",
-    "geometry_msgs/msg/AccelStamped": "T S 6",
-    "geometry_msgs/msg/TransformStamped": "T S S 7",
-    "nav_msgs/msg/Odometry": "T S S 7 _36 6 _36",
-    "sensor_msgs/msg/Imu": "T S 4 _9 3 _9 3 _9",
-    "std_msgs/msg/Float64": "1",
-    "tf2_msgs/msg/TFMessage": "(T S S 7)",
-}
-"""Layout of each type: T stamp, S string, n doubles, _n doubles to skip, (...) a sequence. Those
-from schemas (`layout_of`) also skip: s string, -n a number of n bytes, [n a sequence of these."""
 
 
 class Group(NamedTuple):
@@ -394,19 +399,6 @@ def _factor(stamp: np.ndarray, log: np.ndarray) -> int:
     return 1
 
 
-KINDS = {
-    "geometry_msgs/msg/PoseStamped": POSE,
-    "geometry_msgs/msg/PoseWithCovarianceStamped": POSE,
-    "geometry_msgs/msg/Pose": POSE,
-    "geometry_msgs/msg/TransformStamped": POSE,
-    "tf2_msgs/msg/TFMessage": POSE,
-    "nav_msgs/msg/Odometry": POSE,
-    "geometry_msgs/msg/TwistStamped": TWIST,
-    "geometry_msgs/msg/TwistWithCovarianceStamped": TWIST,
-    "geometry_msgs/msg/WrenchStamped": WRENCH,
-    "sensor_msgs/msg/Imu": IMU,
-    "std_msgs/msg/Float64": SCALAR,
-}
 UNIT = 1e-3
 """Deviation from unit length above which a quaternion is reported."""
 HUGE = 1e100
@@ -538,10 +530,10 @@ class Readings:
         if topic in self._refused:
             return
         if self._topics is not None and topic not in self._topics:
-            if ros_type in KINDS:
+            if ros_type in READ:
                 self._others.add(topic)
             return
-        if ros_type not in KINDS:
+        if ros_type not in READ:
             self._unknown[topic] = ros_type or "no type"
             return
         if channel.message_encoding != "cdr":
@@ -549,7 +541,7 @@ class Readings:
             return
         self._counts.setdefault(topic, Counter())
         try:
-            layout = LAYOUTS[ros_type]
+            layout = READ[ros_type].layout
             if schema is not None and schema.encoding == "ros2msg" and schema.data.strip():
                 layout = layout_of(ros_type, schema.data.decode("utf-8", "replace"))
             wrong = self._wrong.setdefault(topic, Counter())
@@ -567,7 +559,7 @@ class Readings:
         log = messages.log_time[group.which] * 1e-9
         stamp = messages.log_time[group.which] if group.stamp is None else group.stamp
         t = stamp * 1e-9
-        values, kind = group.values, KINDS[ros_type]
+        values, kind = group.values, READ[ros_type].kind
         names = [*group.names, "", ""]
         source = self._sources.name(channel.topic, ros_type, names[0], names[1], channel.id)
         self._read.add(channel.topic)
@@ -599,10 +591,7 @@ class Readings:
             if far.any():
                 counts["quaternions are not of unit length (taken as a rotation)"] += int(far.sum())
         if good.any():
-            yield piece._replace(**{name: getattr(piece, name)[good] for name in _COLUMNS})
-
-
-_COLUMNS = ("t", "log", "values", "stamp")
+            yield piece.take(good)
 
 
 def _ahead(batches: Iterator[list[Piece]]) -> list[list[Piece]]:
@@ -629,6 +618,6 @@ def _in_order(parts: list[tuple[np.ndarray, Piece]]) -> Piece:
     order = np.argsort(np.concatenate([start for start, _ in parts]), kind="stable")
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(piece, name) for _, piece in parts])[order]
-        for name in _COLUMNS
+        for name in COLUMNS
     }
     return parts[0][1]._replace(**joined)

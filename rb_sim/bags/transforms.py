@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,14 @@ class Piece(NamedTuple):
     """t as integers [ns], exact also since the epoch, shape (n,)."""
     transform: bool = False
     """whether it belongs to a tree of transforms."""
+
+    def take(self, which: Any) -> Piece:
+        """The readings of this mask or with these indices."""
+        return self._replace(**{name: getattr(self, name)[which] for name in COLUMNS})
+
+
+COLUMNS = ("t", "log", "values", "stamp")
+"""Fields of a Piece with a row for each reading."""
 
 
 # Names of sources: different frames or types under one topic are different sources.
@@ -349,10 +357,10 @@ class Composed:
         for t, piece in waiting:
             now = t <= limit
             if not now.all():
-                rest.append((t[~now], _picked(piece, ~now)))
+                rest.append((t[~now], piece.take(~now)))
             if now.any():
                 self._reached[chain.name] = max(self._reached[chain.name], float(t[now].max()))
-                yield from self._made_of(chain, t[now], _picked(piece, now))
+                yield from self._made_of(chain, t[now], piece.take(now))
         self._waiting[chain.name] = rest
 
     def _made_of(self, chain: Chain, t: Array, piece: Piece) -> Iterator[Piece]:
@@ -369,7 +377,7 @@ class Composed:
             pose = product(parent, pose)
         self._count(chain.name, known, between)
         if known.any():
-            yield _picked(piece, known)._replace(
+            yield piece.take(known)._replace(
                 source=chain.name, frame=chain.root, child=chain.child, values=pose[known],
                 transform=False,
             )  # fmt: skip
@@ -439,11 +447,6 @@ def interpolated(a: Array, b: Array, part: Array) -> Array:
 
 def _unit(poses: Array) -> Array:
     return np.hstack([poses[:, :3], unit(poses[:, 3:7])])
-
-
-def _picked(piece: Piece, which: Array) -> Piece:
-    columns = ("t", "log", "values", "stamp")
-    return piece._replace(**{name: getattr(piece, name)[which] for name in columns})
 
 
 def _some(names: list[str]) -> str:

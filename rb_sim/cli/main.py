@@ -13,6 +13,7 @@ and an exit code."""
 from __future__ import annotations
 
 import functools
+import inspect
 import os
 import re
 import sys
@@ -178,15 +179,24 @@ app = typer.Typer(
 )
 
 
-def verb(**settings: Any) -> Callable[[Callable[..., int | None]], Callable[..., None]]:
+def verb(
+    options: type | None = None, **settings: Any
+) -> Callable[[Callable[..., int | None]], Callable[..., None]]:
     """Decorator that registers a function as a verb: it returns the exit code; RbSimError becomes
-    one line."""
+    one line.
+
+    options: dataclass of the verb's arguments, which the function takes; None: it has them itself.
+    """
 
     def register(function: Callable[..., int | None]) -> Callable[..., None]:
         @functools.wraps(function)
         def call(*arguments: Any, **keywords: Any) -> None:
+            if options is not None:
+                arguments, keywords = (options(**keywords),), {}
             raise typer.Exit(_exit_code(lambda: function(*arguments, **keywords)))
 
+        if options is not None:
+            call.__signature__ = inspect.signature(options, eval_str=True)  # type: ignore[attr-defined]
         app.command(cls=PlainFlags, **settings)(call)
         return call
 
@@ -258,64 +268,15 @@ def common(
     """Options of the program itself."""
 
 
-@verb()
-def run(
-    scene: opt.SceneOrBag,
-    out: opt.Out = None,
-    overwrite: opt.Overwrite = False,
-    duration: opt.Duration = None,
-    rate: opt.Rate = None,
-    method: opt.Method = None,
-    step: opt.Step = None,
-    tolerance: opt.Tolerance = None,
-    no_bag: opt.NoBag = False,
-    rerun: opt.Rerun = None,
-    no_plots: opt.NoPlots = False,
-    npz: opt.Npz = None,
-    accelerations: opt.Accelerations = False,
-    quiet: opt.Quiet = False,
-    wall_stamps: opt.WallStamps = False,
-    strict: opt.Strict = False,
-    certify: opt.Certify = False,
-    check: opt.Check = None,
-    max_wall: opt.MaxWall = None,
-    change: opt.Change = None,
-    split_size: opt.SplitSize = None,
-    split_duration: opt.SplitDuration = None,
-) -> int:
+@verb(opt.RunOptions)
+def run(options: opt.RunOptions) -> int:
     """Simulate a scene without ROS, record it, and print a summary with its accuracy.
 
     With --out, DIR gets bag/ (ROS 2, MCAP), recording.rrd (Rerun), plots.png and summary.json.
     """
-    from rb_sim.cli.verbs.run import RunOptions
     from rb_sim.cli.verbs.run import run as run_scene
 
-    return run_scene(
-        RunOptions(
-            scene=scene,
-            out=out,
-            overwrite=overwrite,
-            duration=duration,
-            rate=rate,
-            method=method,
-            step=step,
-            tolerance=tolerance,
-            bag=not no_bag,
-            rerun=rerun,
-            plots=not no_plots,
-            npz=npz,
-            accelerations=accelerations,
-            quiet=quiet,
-            wall_stamps=wall_stamps,
-            strict=strict,
-            certify=certify,
-            check=check,
-            max_wall=max_wall,
-            changes=tuple(change or ()),
-            split_size=split_size,
-            split_duration=split_duration,
-        )
-    )
+    return run_scene(options)
 
 
 @verb()
@@ -575,24 +536,9 @@ def sweep(
 # Verbs that read bags.
 
 
-AnyBag = Annotated[
-    Path, typer.Argument(metavar="BAG", help="Bag: a folder, an .mcap or a .db3 file.")
-]
-Wrench = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="[BODY=]TOPIC",
-        help="Topic of an applied wrench in a bag not recorded by rb_sim, or none; repeatable: "
-        "they add up.",
-        show_default="by frame and name",
-    ),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-
-
 @verb()
 def replay(
-    bag: AnyBag,
+    bag: opt.AnyBag,
     save: Annotated[
         Path | None,
         typer.Option(
@@ -675,158 +621,43 @@ def show(
 
 
 @verb()
-def info(bag: AnyBag, json: Json = False) -> int:
+def info(bag: opt.AnyBag, json: opt.Json = False) -> int:
     """List the contents of a bag: scene, settings, versions, topics, rates, gaps, damage."""
     from rb_sim.cli.verbs.info import info as tell
 
     return tell(bag, json)
 
 
-@verb()
-def analyze(
-    bag: AnyBag,
-    out: opt.Out = None,
-    topic: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Analyse this topic only; repeatable.")
-    ] = None,
-    masses: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Scene or URDF with the masses, for a bag not recorded by rb_sim; a scene also "
-            "gives effects and constraints.",
-        ),
-    ] = None,
-    parquet: Annotated[
-        bool, typer.Option("--parquet", help="Also write DIR/samples.parquet.")
-    ] = False,
-    json: Json = False,
-) -> int:
+@verb(opt.AnalyzeOptions)
+def analyze(options: opt.AnalyzeOptions) -> int:
     """Report rates, gaps, energy, momenta, wrenches and spectra of any bag with poses."""
-    from rb_sim.cli.verbs.analyze import AnalyzeOptions
     from rb_sim.cli.verbs.analyze import analyze as read
 
-    topics = tuple(topic or ())
-    return read(AnalyzeOptions(bag, out, topics, masses, parquet, json))
+    return read(options)
 
 
-@verb()
-def resim(
-    bag: opt.Bag,
-    out: opt.Out = None,
-    scene: Annotated[
-        str | None,
-        typer.Option(metavar="SCENE", help="Simulate this scene instead of the recorded one."),
-    ] = None,
-    change: opt.Change = None,
-    method: opt.Method = None,
-    step: opt.Step = None,
-    tolerance: opt.Tolerance = None,
-    overwrite: opt.Overwrite = False,
-    json: Json = False,
-) -> int:
+@verb(opt.ResimOptions)
+def resim(options: opt.ResimOptions) -> int:
     """Simulate a recorded run again: bit for bit the same, or with changes."""
-    from rb_sim.cli.verbs.resim import ResimOptions
     from rb_sim.cli.verbs.resim import resim as again
 
-    changes = tuple(change or ())
-    return again(ResimOptions(bag, out, scene, changes, method, step, tolerance, json, overwrite))
+    return again(options)
 
 
-@verb()
-def compare(
-    a: AnyBag,
-    b: Annotated[
-        str, typer.Argument(metavar="OTHER", help="Bag, scene or CSV file to compare with.")
-    ],
-    out: opt.Out = None,
-    align: Annotated[
-        str | None,
-        typer.Option(
-            metavar="none|first|offset|clock",
-            help="Clock of OTHER: none: as recorded; first: equal first stamps; offset: estimated "
-            "from the motions; clock: offset and drift (at most 1e-4) estimated.",
-            show_default="none; offset if the times do not overlap",
-        ),
-    ] = None,
-    match: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=NAME", help="Body of BAG and its name in OTHER; repeatable."),
-    ] = None,
-    wrench: Wrench = None,
-    max_position: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Exit 1 if positions differ by more."),
-    ] = None,
-    max_angle: Annotated[
-        float | None, typer.Option(metavar="RAD", help="Exit 1 if attitudes differ by more.")
-    ] = None,
-    max_velocity: Annotated[
-        float | None, typer.Option(metavar="M/S", help="Exit 1 if velocities differ by more.")
-    ] = None,
-    max_spin: Annotated[
-        float | None,
-        typer.Option(metavar="RAD/S", help="Exit 1 if angular velocities differ by more."),
-    ] = None,
-    max_force: Annotated[
-        float | None, typer.Option(metavar="N", help="Exit 1 if reaction forces differ by more.")
-    ] = None,
-    max_torque: Annotated[
-        float | None, typer.Option(metavar="NM", help="Exit 1 if reaction torques differ by more.")
-    ] = None,
-    screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Save a picture of both motions.")
-    ] = None,
-    json: Json = False,
-) -> int:
+@verb(opt.CompareOptions)
+def compare(options: opt.CompareOptions) -> int:
     """Compare two motions: largest differences, when they begin, how fast they grow."""
-    from rb_sim.cli.verbs.compare import CompareOptions
     from rb_sim.cli.verbs.compare import compare as beside
 
-    given = {"position": max_position, "angle": max_angle, "velocity": max_velocity,
-             "spin": max_spin, "force": max_force, "torque": max_torque}  # fmt: skip
-    bounds = {name: value for name, value in given.items() if value is not None}
-    pairs = tuple(match or ())
-    acting = tuple(wrench or ())
-    return beside(CompareOptions(a, b, out, json, align, pairs, acting, bounds, screenshot))
+    return beside(options)
 
 
-@verb()
-def fit(
-    bag: AnyBag,
-    free: Annotated[
-        list[str],
-        typer.Option(
-            metavar="KEY,KEY",
-            help="Parameters to fit, e.g. bodies.top.mass,effects.air.coefficient; repeatable.",
-        ),
-    ],
-    scene: Annotated[
-        str | None, typer.Option(metavar="SCENE", help="Scene to fit; default: the one in the bag.")
-    ] = None,
-    out: opt.Out = None,
-    match: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=BODY", help="Pose in the bag and its body of the scene; repeatable."
-        ),
-    ] = None,
-    wrench: Wrench = None,
-    noise: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="M RAD",
-            help="Standard deviation of positions and attitudes; default: estimated.",
-        ),
-    ] = None,
-    json: Json = False,
-) -> int:
+@verb(opt.FitOptions)
+def fit(options: opt.FitOptions) -> int:
     """Fit parameters of a scene to a recorded motion."""
-    from rb_sim.cli.verbs.fit import FitOptions
     from rb_sim.cli.verbs.fit import fit as solve
 
-    pairs, acting = tuple(match or ()), tuple(wrench or ())
-    return solve(FitOptions(bag, ",".join(free), scene, out, pairs, acting, noise, json))
+    return solve(options)
 
 
 def main() -> None:

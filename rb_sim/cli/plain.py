@@ -7,18 +7,21 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Console for tables and lines without markup."""
+"""What verbs print: tables, lines without markup, progress, warnings."""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 
 WIDTH = 160
@@ -74,3 +77,62 @@ def plain_console(**options: Any) -> Console:
 
     given: dict[str, Any] = {"width": width(), **options}
     return Console(markup=False, emoji=False, **given)
+
+
+def facts(rows: Iterable[tuple[str, str]]) -> Table:
+    """A table of labels and texts, without heads."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table.grid(padding=(0, 3))
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in rows:
+        table.add_row(Text(label, style="bold"), Text(text))
+    return table
+
+
+def columns(
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    names: Collection[str],
+    folded: Collection[str] | None = None,
+) -> Table:
+    """A table without borders.
+
+    names: heads of the columns of names, on the left; numbers are on the right. folded: heads of
+    the columns that may be folded; None: those of names.
+    """
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for head in heads:
+        whole = head not in (names if folded is None else folded)
+        justify = "left" if head in names else "right"
+        table.add_column(head, justify=justify, overflow="fold", no_wrap=whole)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str, float], None]]:
+    """Progress bar; yields the function that shows (what is done, share of the whole)."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    shown = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*shown, console=plain_console(), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+        yield lambda what, share: bar.update(task, description=f"{what:28}", completed=share)
+
+
+def warn(lines: Iterable[str]) -> None:
+    """Print warnings on standard error."""
+    for line in lines:
+        print(f"warning: {line}", file=sys.stderr, flush=True)
+
+
+def note(lines: Iterable[str]) -> None:
+    """Print notes on standard error."""
+    for line in lines:
+        print(f"note: {line}", file=sys.stderr, flush=True)

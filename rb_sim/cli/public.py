@@ -80,9 +80,9 @@ def compare(
     from rb_sim.bags.compare import differences
     from rb_sim.cli.verbs import compare as verb
 
-    pairs = tuple(f"{name}={of}" for name, of in (match or {}).items())
+    pairs = [f"{name}={of}" for name, of in (match or {}).items()]
     options = verb.CompareOptions(
-        Path(bag), str(other), align=align, match=pairs, wrench=tuple(wrenches)
+        Path(bag), str(other), align=align, match=pairs, wrench=list(wrenches)
     )
     a = verb.first_tracks(options)
     return differences(a, verb.other_tracks(options, a), align=align, match=match)
@@ -151,10 +151,10 @@ def fit(
     from rb_sim.fit.fit import fit as solve
 
     keys = [free] if isinstance(free, str) else list(free)
-    pairs = tuple(f"{name}={body}" for body, name in (match or {}).items())
+    pairs = [f"{name}={body}" for body, name in (match or {}).items()]
     named = None if scene is None else str(scene)
     options = verb.FitOptions(
-        Path(bag), ",".join(keys), named, match=pairs, wrench=tuple(wrenches), noise=noise
+        Path(bag), keys, named, match=pairs, wrench=list(wrenches), noise=noise
     )
     built, data, recording = verb.set_up(options)
     return solve(recording, built, data, keys, noise)

@@ -11,10 +11,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rb_sim.accuracy.choice import listed
@@ -26,8 +24,6 @@ from rb_sim.contact.events.shares import undetermined_at_start
 from rb_sim.contact.few_contacts import MOST_CONTACTS
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from rb_sim.base.errors import GlobalError
     from rb_sim.checks.check_list import CheckList
     from rb_sim.scene.schema import SimulationOptions
@@ -185,33 +181,6 @@ def _cost_of_advance(simulation: Simulation, duration: float) -> int:
     began = time.thread_time_ns()
     simulation.advance(duration)
     return time.thread_time_ns() - began
-
-
-def write_json(summary: dict[str, Any], path: Path) -> None:
-    """Write summary.json, with null for a number that is not finite. Raises OSError."""
-    path.write_text(json.dumps(finite(summary), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def finite(value: Any) -> Any:
-    """Plain data with each number that is not finite replaced by None."""
-    if isinstance(value, dict):
-        return {key: finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def print_summary(summary: dict[str, Any], console: Console) -> None:
-    """Print the summary as a table."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table.grid(padding=(0, 3))
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for label, text in lines(summary):
-        table.add_row(Text(label, style="bold"), Text(text))
-    console.print(table)
 
 
 def lines(summary: dict[str, Any]) -> list[tuple[str, str]]:

@@ -44,7 +44,7 @@ from rb_sim.io.rerun.arrow_scales import (
     local_origin,
     nice,
 )
-from rb_sim.io.sink import Envelope, Timeline, event_text
+from rb_sim.io.sink import Envelope, Timeline, event_text, samples_at
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import norms
 
@@ -106,7 +106,7 @@ class RunPage:
         self._rows = spread(len(samples), pose * 1.5 + 72.0 * len(self._reactions) + 16.0)
         timeline = Timeline().follow(samples.t)
         self._t = timeline
-        self.kept = _rows_of(samples, self._rows)
+        self.kept = samples_at(samples, self._rows)
         extent = Extent(scene, layout)
         extent.add(self.kept)
         center, size = extent.center_and_size()
@@ -345,14 +345,6 @@ class RunPage:
             row = min(int(np.searchsorted(times, event.t)), len(times) - 1)
             found.append((event.t + float(clock[row] - times[row]), event_text(event)))
         return found
-
-
-def _rows_of(block: SampleBlock, rows: np.ndarray) -> SampleBlock:
-    """The samples with these indices."""
-    from rb_sim.mechanics.samples import ARRAYS
-
-    arrays = {name: getattr(block, name)[rows] for name in ARRAYS}
-    return replace(block, **arrays, inputs=(), worst=None)
 
 
 # Writing of a page: template, style, scripts and data in one file.

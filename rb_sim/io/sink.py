@@ -100,7 +100,7 @@ def stretches(block: SampleBlock) -> Iterator[tuple[SampleBlock, Input | None]]:
 
 def split_at(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
     """The first `size` > 0 samples, and the rest; events stay with the sample that they precede."""
-    first, rest = _slice(block, slice(None, size)), _slice(block, slice(size, None))
+    first, rest = samples_at(block, slice(None, size)), samples_at(block, slice(size, None))
     end = first.t[-1] if len(rest) else np.inf
     before = tuple(event for event in block.events if event.t <= end)
     now = tuple(given for given in block.inputs if given.index < size)
@@ -111,7 +111,8 @@ def split_at(block: SampleBlock, size: int) -> tuple[SampleBlock, SampleBlock]:
     )
 
 
-def _slice(block: SampleBlock, which: slice) -> SampleBlock:
+def samples_at(block: SampleBlock, which: Any) -> SampleBlock:
+    """The samples of a slice or with these indices, without events and inputs."""
     arrays = {name: getattr(block, name)[which] for name in ARRAYS}
     return replace(block, **arrays, events=(), inputs=())
 

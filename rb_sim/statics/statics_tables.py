@@ -11,10 +11,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -282,9 +280,3 @@ def _ends(ranges: np.ndarray) -> list[Any]:
 
 def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def write_json(scene: Scene, result: StaticsResult, path: Path) -> None:
-    """Write the result as JSON."""
-    text = json.dumps(as_dict(scene, result), indent=2, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")

@@ -14,29 +14,30 @@ The report consists of JSON, a Markdown page, and a picture.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, Strict, model_validator
 
 from rb_sim.accuracy.runs import pose_gaps
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import one_of
 from rb_sim.base.palette import BAD, FAINT, GOOD, NARROW, TEXT
+from rb_sim.base.plain_data import write_json
+from rb_sim.catalogue.spec import Spec, refuse, refuse_at
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS
-from rb_sim.scene.yaml_reader import parse, read_text
+from rb_sim.scene.yaml_reader import parse, read_text, validated
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps.expressions import Expression
 from rb_sim.trajectory.trajectory import Trajectory
@@ -51,11 +52,7 @@ if TYPE_CHECKING:
 SUFFIX = ".yaml"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Setting(_Strict):
+class Setting(Spec):
     """Settings of one run of the scene."""
 
     method: Literal[METHODS]  # type: ignore[valid-type]
@@ -65,7 +62,7 @@ class Setting(_Strict):
     """instead of the scene's, if the method needs more steps [s]."""
 
 
-class Check(_Strict):
+class Check(Spec):
     """A check of every run.
 
     Figures: energy: (change of energy - work) / energy exchanged. momentum: the worse of both
@@ -85,14 +82,20 @@ class Check(_Strict):
 
     @model_validator(mode="after")
     def _complete(self) -> Check:
-        if self.figure == "formula" and not self.formula:
-            raise ValueError("figure formula needs a formula")
-        if self.figure == "against" and self.against is None:
-            raise ValueError("figure against needs a setting: against: {method: ...}")
+        needed = {"formula": self.formula, "against": self.against}
+        if not needed.get(self.figure, "nothing"):
+            allowed = refuse(f"given for figure {self.figure}")
+            raise refuse_at(((self.figure,), needed[self.figure], allowed))
         return self
 
 
-class Case(_Strict):
+def _some(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not values:
+        raise refuse("a list that is not empty")
+    return values
+
+
+class Case(Spec):
     """One hard case."""
 
     title: str
@@ -108,8 +111,8 @@ class Case(_Strict):
     """bound that does not hold at present, and why: failures then count as a known limit."""
     scene: Mapping[str, Any] | str
     """as in a scene file, or the name of a shipped scene."""
-    runs: tuple[Setting, ...] = Field(min_length=1)
-    checks: tuple[Check, ...] = Field(min_length=1)
+    runs: Annotated[tuple[Setting, ...], Strict(False), AfterValidator(_some)]
+    checks: Annotated[tuple[Check, ...], Strict(False), AfterValidator(_some)]
     name: str = ""
 
 
@@ -118,12 +121,7 @@ def load_case(path: Path) -> Case:
     mapping = parse(read_text(path), str(path))
     if not isinstance(mapping, Mapping):
         raise RbSimError(f"{path}: a case must be a mapping with title, why, scene, runs, checks")
-    try:
-        return Case.model_validate({**mapping, "name": path.stem})
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise RbSimError(f"{path}: {key}: {first['msg']}") from None
+    return validated(Case, {**mapping, "name": path.stem}, str(path))
 
 
 def load_cases(folder: Path, only: Sequence[str] = ()) -> list[Case]:
@@ -278,7 +276,7 @@ def run(case: Case, setting: Setting) -> Outcome:
     return Outcome(Trajectory(whole, simulation.layout), check_list, "", seconds)
 
 
-def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
+def measure(hard: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
     """(figure, message); infinite if the run did not complete."""
     findings = outcome.check_list.findings if outcome.check_list is not None else ()
     lines = [outcome.error] if outcome.error else [str(finding) for finding in findings]
@@ -289,48 +287,30 @@ def measure(case: Case, check: Check, outcome: Outcome) -> tuple[float, str]:
         return (0.0, found[0]) if found else (1.0, message)
     if outcome.run is None or outcome.check_list is None:
         return float("inf"), message
-    return float(FIGURES[check.figure](case, check, outcome)), message
+    ledger = outcome.check_list.ledger
+    match check.figure:
+        case "energy":
+            figure = (ledger.energy() or {"relative": None})["relative"] or 0.0
+        case "momentum":
+            relative = [b["relative"] or 0.0 for b in (ledger.momentum() or {}).values()]
+            figure = max(relative, default=float("inf"))
+        case "residual":
+            figure = outcome.run.residual.max()
+        case "formula":
+            figure = largest(check.formula, outcome.run.block, outcome.run.layout)
+        case _:
+            figure = _apart(hard, check, outcome.run)
+    return float(figure), message
 
 
-def _energy(case: Case, check: Check, outcome: Outcome) -> float:
-    assert outcome.check_list is not None
-    energy = outcome.check_list.ledger.energy()
-    return 0.0 if energy is None else energy["relative"] or 0.0
-
-
-def _momentum(case: Case, check: Check, outcome: Outcome) -> float:
-    assert outcome.check_list is not None
-    balances = outcome.check_list.ledger.momentum()
-    return max((b["relative"] or 0.0 for b in (balances or {}).values()), default=float("inf"))
-
-
-def _residual(case: Case, check: Check, outcome: Outcome) -> float:
-    assert outcome.run is not None
-    return float(outcome.run.residual.max())
-
-
-def _formula(case: Case, check: Check, outcome: Outcome) -> float:
-    assert outcome.run is not None
-    return largest(check.formula, outcome.run.block, outcome.run.layout)
-
-
-def _against(case: Case, check: Check, outcome: Outcome) -> float:
+def _apart(hard: Case, check: Check, own: Trajectory) -> float:
     """Largest pose difference [m, rad] from the run with another setting."""
-    assert check.against is not None and outcome.run is not None
-    other = run(case, check.against).run
-    if other is None or len(other) != len(outcome.run):
+    assert check.against is not None
+    other = run(hard, check.against).run
+    if other is None or len(other) != len(own):
         return float("inf")
-    poses = (np.dstack([r.block.position, r.block.orientation]) for r in (outcome.run, other))
+    poses = (np.dstack([r.block.position, r.block.orientation]) for r in (own, other))
     return float(max(gap.max() for gap in pose_gaps(*poses)))
-
-
-FIGURES: dict[str, Callable[[Case, Check, Outcome], float]] = {
-    "energy": _energy,
-    "momentum": _momentum,
-    "residual": _residual,
-    "formula": _formula,
-    "against": _against,
-}
 
 
 HEAD = """---
@@ -396,26 +376,14 @@ def write(
     quick: bool = False,
 ) -> list[Path]:
     """Write the three files into the folder, four with rows of other engines. Raises OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"hard-cases.{kind}" for kind in ("json", "md", "png")]
-    write_json(paths[0], [{**row._asdict(), "margin": row.margin} for row in rows])
+    write_json([{**row._asdict(), "margin": row.margin} for row in rows], paths[0])
     paths[1].write_text(markdown(cases, rows, peers, quick), encoding="utf-8")
     if peers:
         paths.append(folder / "hard-cases-peers.json")
-        write_json(paths[-1], [row._asdict() for row in peers])
+        write_json([row._asdict() for row in peers], paths[-1])
     picture(cases, rows, paths[2])
     return paths
-
-
-def write_json(path: Path, entries: Sequence[Mapping[str, Any]]) -> None:
-    """Write the entries as a JSON list; numbers that are not finite become null."""
-    plain = [{key: finite(value) for key, value in entry.items()} for entry in entries]
-    path.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
-
-
-def finite(value: object) -> object:
-    """The value, or None for a number that JSON cannot represent."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def number(value: float) -> str:

@@ -128,7 +128,7 @@ def test_a_command_that_would_take_years_ends_and_says_so(
     """2e18 steps of rk4 at some 50 ns are three thousand years."""
     monkeypatch.setattr(pieces, "EFFORT", 0.1)
     options = RunOptions(
-        "heavy_top", out=tmp_path / "run", method="rk4", step=1e-18, plots=False, rerun=False
+        "heavy_top", out=tmp_path / "run", method="rk4", step=1e-18, no_plots=True, rerun=False
     )
     assert run(options) == FAILED
     said = capfd.readouterr().err
@@ -141,7 +141,13 @@ def test_a_run_ends_at_the_wall_time_given_and_keeps_its_log(
 ) -> None:
     """2e7 steps of rk4 are some seconds; a hundredth of a second is over before."""
     options = RunOptions(
-        "heavy_top", out=tmp_path, method="rk4", step=1e-7, max_wall=0.01, plots=False, rerun=False
+        "heavy_top",
+        out=tmp_path,
+        method="rk4",
+        step=1e-7,
+        max_wall=0.01,
+        no_plots=True,
+        rerun=False,
     )
     assert run(options) == FAILED
     said = capfd.readouterr().err

@@ -30,12 +30,12 @@ from rb_sim.accuracy.accuracy_tables import (
     print_report,
     save_picture,
     target_line,
-    write_json,
 )
 from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung, climb
 from rb_sim.accuracy.runs import Errors
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.plain_data import json_text
 from rb_sim.cli.verbs.accuracy import accuracy as accuracy_verb
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.scene.compile import compile_scene
@@ -74,9 +74,8 @@ def test_reference_is_the_closed_form_and_its_check_is_stated(climbed: Accuracy)
     assert "cannot be measured (round-off)" in true.words
 
 
-def test_json_is_monotone_above_the_floor(climbed: Accuracy, tmp_path: Path) -> None:
-    write_json(as_dict(climbed), tmp_path / "accuracy.json")
-    data = json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))
+def test_json_is_monotone_above_the_floor(climbed: Accuracy) -> None:
+    data = json.loads(json_text(as_dict(climbed)))
     for quantity in ("pose", "reaction", "energy"):
         # above the rounding of a run: one ulp at the start grows to this much
         grown = getattr(climbed.reference.ulp_growth, quantity)

@@ -364,13 +364,13 @@ def test_a_bag_and_a_scene_and_a_bound(tmp_path, capsys):
     scene.write_text(PUSHED.replace("{type: gravity}",
                                     "{type: gravity, acceleration: [0, 0, -9.9046]}"))  # fmt: skip
     out = tmp_path / "out"
-    options = CompareOptions(bag, str(scene), out, bounds={"position": 1e-3})
+    options = CompareOptions(bag, str(scene), out, max_position=1e-3)
     assert interpreted(compare, options) == 1
     reported = json.loads((out / "compare.json").read_text())
     fall = (9.9046 - 9.81) / 2 * 1.0**2
     assert reported["differences"]["box"]["position"]["max"] == pytest.approx(fall, rel=1e-3)
     assert reported["exceeded"] and (out / "compare.png").stat().st_size > 10_000
-    same = CompareOptions(bag, str(bag), bounds={"position": 0.0, "angle": 0.0})
+    same = CompareOptions(bag, str(bag), max_position=0.0, max_angle=0.0)
     assert compare(same) == 0
 
 
@@ -461,7 +461,7 @@ def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monk
     track = motion(t)
     np.savetxt(tmp_path / "a.txt", np.c_[t, track.position, track.orientation])
     bag = interpreted(record_run, PUSHED, tmp_path / "bag")
-    options = CompareOptions(bag, str(tmp_path / "a.txt"), match=("box=a",))
+    options = CompareOptions(bag, str(tmp_path / "a.txt"), match=["box=a"])
     compare(replace(options, screenshot=tmp_path / "both.png"))
     assert drawn == [(True, tmp_path / "both.png")]
     with pytest.raises(RbSimError, match=r"both.jpg: the name must end in .png"):
@@ -559,7 +559,7 @@ def test_why_nothing_can_be_compared_is_told_first(tmp_path, capsys):
 
 @pytest.mark.parametrize("bound", [float("nan"), -1e-3])
 def test_a_bound_that_is_none_is_refused(bound: float, tmp_path) -> None:
-    options = CompareOptions(tmp_path / "none", "none", bounds={"angle": bound})
+    options = CompareOptions(tmp_path / "none", "none", max_angle=bound)
     with pytest.raises(RbSimError, match=r"^--max-angle: got .*; must be >= 0$"):
         compare(options)
 

@@ -19,7 +19,7 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from rb_sim.bags.analysis.recorded_run import analyze
-from rb_sim.bags.readings import LAYOUTS, NEEDED, Readings, layout_of
+from rb_sim.bags.readings import READ, Readings, layout_of
 from rb_sim.bags.tracks import tracks_of_bag
 from tests.bags.analysis import foreign
 
@@ -52,10 +52,10 @@ float64 w 1
 """
 
 
-@pytest.mark.parametrize("ros_type", sorted(set(NEEDED) & set(STORE.types)))
+@pytest.mark.parametrize("ros_type", sorted(set(READ) & set(STORE.types)))
 def test_ros2s_own_schemas_give_the_known_layouts(ros_type):
     text, _ = STORE.generate_msgdef(ros_type, ros_version=2)
-    assert layout_of(ros_type, text) == LAYOUTS[ros_type]
+    assert layout_of(ros_type, text) == READ[ros_type].layout
 
 
 def bag(path, schema: str, payloads: list[bytes]):

@@ -134,11 +134,11 @@ def test_pitch_goes_on_beyond_a_quarter_turn():
 def test_run_takes_values_and_scenes_shows_one(capsys: pytest.CaptureFixture[str]):
     from rb_sim.cli.verbs.run import RunOptions, scene_of
 
-    changed = scene_of(RunOptions("pendulum", changes=("bodies.rod.mass=2.5",), rate=7.0))
+    changed = scene_of(RunOptions("pendulum", change=["bodies.rod.mass=2.5"], rate=7.0))
     assert (changed.bodies["rod"].mass, changed.simulation.rate) == (2.5, 7.0)
     assert "mass: 2.5" in changed.text
     with pytest.raises(rb_sim.RbSimError, match="must be one of"):
-        scene_of(RunOptions("pendulum", changes=("bodies.stick.mass=2.5",)))
+        scene_of(RunOptions("pendulum", change=["bodies.stick.mass=2.5"]))
     from typer.testing import CliRunner
 
     from rb_sim.cli.main import app

@@ -330,7 +330,7 @@ def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int,
     from tests.bags.scenes import record_node
 
     keys = ["bodies.box.mass", "bodies.box.angular_velocity"]
-    scene, data, recording = set_up(FitOptions(record_node(folder), ",".join(keys)))
+    scene, data, recording = set_up(FitOptions(record_node(folder), keys))
     if set_at:
         assert recording.inputs is not None
         state = (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0)

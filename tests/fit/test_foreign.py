@@ -254,9 +254,9 @@ def test_a_reaction_that_was_measured_is_no_command(tmp_path, capsys):
 
 def test_the_bound_of_a_wrong_model_is_exceeded(tmp_path, capsys):
     bag = write(tmp_path / "bag", poses(), pushes())
-    bounds = {"position": 1e-3}
-    assert compare_verb(CompareOptions(bag, scene(tmp_path), bounds=bounds)) == 0
-    assert compare_verb(CompareOptions(bag, scene(tmp_path, 3.0), bounds=bounds)) == TOO_FAR
+    bounds = {"max_position": 1e-3}
+    assert compare_verb(CompareOptions(bag, scene(tmp_path), **bounds)) == 0
+    assert compare_verb(CompareOptions(bag, scene(tmp_path, 3.0), **bounds)) == TOO_FAR
     assert (
         "starts as the scene says, at the first pose, t = 1700000000.050000 s"
         in capsys.readouterr().err

@@ -39,7 +39,9 @@ def options(folder: Path, topics: tuple[str, ...]) -> FitOptions:
                 speed = 2.0 if "a" in topic.split("/") else 3.0
                 aside = 0.1 * ("odom" in topic)
                 bag.add(topic, POSE, pose(t, P[0] * 0.0 + [speed * t, aside, 0.0], Q[0]), t)
-    return FitOptions(folder / "x.mcap", "bodies.a.linear_velocity", scene=str(scene), as_json=True)
+    return FitOptions(
+        folder / "x.mcap", ["bodies.a.linear_velocity"], scene=str(scene), as_json=True
+    )
 
 
 def test_by_the_parts_of_the_topic(tmp_path):
@@ -66,7 +68,7 @@ def test_wrenches_that_are_not_applied_are_told(tmp_path, capsys):
     bag = with_wrenches(tmp_path / "bag", "map", "/body/push")
     scene = tmp_path / "cube.yaml"
     scene.write_text("bodies: {body: {mass: 2.0, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}}")
-    set_up(FitOptions(bag, "bodies.body.linear_velocity", scene=str(scene)))
+    set_up(FitOptions(bag, ["bodies.body.linear_velocity"], scene=str(scene)))
     reported = (
         "its wrenches (/body/push) are not applied: the scene has no commanded_wrench that takes"
     )

@@ -396,7 +396,7 @@ def test_python_fit_and_analyze_say_it(bag, capsys):
     notes = analyze(bag).notes
     assert any("messages missing" in line for line in notes)
     assert any("balances span the missing messages" in line for line in notes)
-    set_up(FitOptions(bag, "bodies.a.mass"))
+    set_up(FitOptions(bag, ["bodies.a.mass"]))
     assert "messages missing between t = " in capsys.readouterr().err
 
 

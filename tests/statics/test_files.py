@@ -130,7 +130,7 @@ def test_command_says_what_gives(tmp_path, capsys):
 def test_folder_that_cannot_be_written(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(RbSimError, match="cannot be written"):
+    with pytest.raises(RbSimError, match="is a file; must be a folder"):
         statics(CONFIG / "table_offset.yaml", blocked)
 
 

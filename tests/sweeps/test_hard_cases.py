@@ -94,7 +94,10 @@ def test_a_case_that_does_not_hold_fails_the_command(tmp_path: Path) -> None:
         ("- 1", "must be a mapping"),
         (OSCILLATOR % 0.0, "bound"),
         (OSCILLATOR.replace("rk4", "magic") % 1.0, "method"),
-        (OSCILLATOR.replace("formula: bob_x - cos(10*t), ", "") % 1.0, "needs a formula"),
+        (
+            OSCILLATOR.replace("formula: bob_x - cos(10*t), ", "") % 1.0,
+            "must be given for figure formula",
+        ),
     ],
 )
 def test_a_file_that_is_no_case_is_told_in_one_line(text: str, said: str, tmp_path: Path) -> None:

@@ -400,15 +400,8 @@ class _Page:
                 continue
             axis = self._axis(across) if axis is None else axis
             curves = values[:, which]
-            spec = {
-                "section": "energy" if unit == "J" else "time",
-                "title": name.replace(STATE, STATES.get(unit, STATE)),
-                "unit": unit,
-                "across": axis,
-                "scale": size,
-                "logarithmic": "",
-                "bounds": None,
-            }
+            title = name.replace(STATE, STATES.get(unit, STATE))
+            spec = _spec("energy" if unit == "J" else "time", title, unit, axis, size)
             if name == RESIDUAL:
                 curves = np.log10(np.maximum(curves, LEAST_DRAWN))
                 bounds = [math.log10(LEAST_DRAWN), math.log10(WRITTEN_ROUNDING) + 1.0]
@@ -432,20 +425,20 @@ class _Page:
             axis = self._axis(np.log10(frequency)) if axis is None else axis
             least = max(2.0 * rounding**2 / rate, 1e-300)
             curves = np.log10(np.maximum(density[:, moving], least))
-            yield {
-                "section": "spectra",
-                "title": name,
-                "unit": _density_unit(unit),
-                "across": axis,
-                "scale": 1.0,
-                "logarithmic": "xy",
-                "bounds": None,
-                "lines": _lines([figures.names[k] for k in moving], curves),
-            }
+            spec = _spec("spectra", name, _density_unit(unit), axis, 1.0, "xy")
+            yield spec | {"lines": _lines([figures.names[k] for k in moving], curves)}
 
     def _axis(self, values: np.ndarray) -> int:
         self._across.append(packed(values, "float64"))
         return len(self._across) - 1
+
+
+def _spec(
+    section: str, title: str, unit: str, across: int, scale: float, logarithmic: str = ""
+) -> dict[str, Any]:
+    """A plot for the scripts of the page, still without its curves."""
+    about = {"section": section, "title": title, "unit": unit, "across": across, "scale": scale}
+    return {**about, "logarithmic": logarithmic, "bounds": None}
 
 
 def _density_unit(unit: str) -> str:

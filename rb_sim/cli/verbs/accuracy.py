@@ -14,21 +14,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from rb_sim.accuracy.accuracy_tables import (
     as_dict,
     measure,
     print_report,
     print_statics,
     statics_as_dict,
-    write_json,
 )
 from rb_sim.accuracy.ladder import climb
 from rb_sim.base.errors import RbSimError
-from rb_sim.cli.plain import plain_console
+from rb_sim.base.plain_data import write_json
+from rb_sim.cli.plain import plain_console, progress
 from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.scene.load import load_scene
+from rb_sim.simulation.outputs import writing
 
 
 def accuracy(
@@ -51,26 +50,16 @@ def accuracy(
         if value is not None and not value > 0.0:
             raise RbSimError(f"--{name}: got {value!r}; must be a number > 0")
     described = with_changes(scene, changes, load_scene)
-    console = plain_console(soft_wrap=False)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-        result = climb(
-            described,
-            budget,
-            target,
-            lambda what, share: bar.update(task, description=f"{what:24}", completed=share),
-        )
+    with progress() as show:
+        result = climb(described, budget, target, show)
+    console = plain_console()
     print_report(result, console, target)
     if out is not None:
         from rb_sim.accuracy.accuracy_tables import save_picture  # imports matplotlib, when used
 
-        try:
-            out.mkdir(parents=True, exist_ok=True)
+        with writing(out):
             write_json(as_dict(result, target), out / "accuracy.json")
             save_picture(result, out / "accuracy.png", target)
-        except OSError as error:
-            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
         console.print(f"wrote {out / 'accuracy.json'} and {out / 'accuracy.png'}")
     return 0
 
@@ -95,15 +84,12 @@ def of_statics(
         raise RbSimError(
             f"target: is a global error of the pose; the bodies of {scene} are at rest"
         )
-    console = plain_console(soft_wrap=False)
+    console = plain_console()
     result = measure(described)
     print_statics(result, console)
     if out is not None:
         path = out / "accuracy.json"
-        try:
-            out.mkdir(parents=True, exist_ok=True)
+        with writing(out):
             write_json(statics_as_dict(result), path)
-        except OSError as error:
-            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
         console.print(f"wrote {path}")
     return 0

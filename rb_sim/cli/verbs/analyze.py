@@ -11,33 +11,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rb_sim.base.errors import RbSimError
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from rb_sim.base.plain_data import finite, json_text, write_json
+from rb_sim.cli.options import AnalyzeOptions
+from rb_sim.cli.plain import columns, plain_console, warn
 
 SHOWN = 100
 """Most sources, bodies and notes in the terminal."""
 ELSEWHERE = " (all with --json or --out DIR)"
-
-
-@dataclass(frozen=True)
-class AnalyzeOptions:
-    """Arguments of `rb_sim analyze`."""
-
-    bag: Path
-    out: Path | None = None
-    topics: tuple[str, ...] = ()
-    masses: str | None = None
-    parquet: bool = False
-    as_json: bool = False
 
 
 def analyze(options: AnalyzeOptions) -> int:
@@ -45,8 +30,6 @@ def analyze(options: AnalyzeOptions) -> int:
     from rb_sim.bags.analysis.analysis_page import Aligned, write_report
     from rb_sim.bags.analysis.bodies import masses_of, scene_of
     from rb_sim.bags.analysis.recorded_run import analyze as read
-    from rb_sim.cli.summary import finite
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.simulation.outputs import make_folder, writing
 
     if options.parquet and options.out is None:
@@ -56,18 +39,17 @@ def analyze(options: AnalyzeOptions) -> int:
     table = None if options.out is None else Aligned()
     if options.out is not None:
         make_folder(options.out)
-    topics = frozenset(options.topics) or None
+    topics = frozenset(options.topic or ()) or None
     found = read(options.bag, topics=topics, masses=masses, scene=scene, table=table)
     summary = finite(found.as_dict())
     if options.as_json:
-        print(json.dumps(summary, indent=2, allow_nan=False))
+        print(json_text(summary))
     else:
         _print(summary)
     warn(_first(found.notes, "notes"))
     if options.out is not None and table is not None:
         with writing(options.out):
-            text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
-            (options.out / "analysis.json").write_text(text, encoding="utf-8")
+            write_json(summary, options.out / "analysis.json")
             table.write_csv(options.out / "samples.csv")
             if options.parquet:
                 table.write_parquet(options.out / "samples.parquet")
@@ -77,8 +59,6 @@ def analyze(options: AnalyzeOptions) -> int:
 
 
 def _print(summary: dict[str, Any]) -> None:
-    from rb_sim.cli.plain import plain_console
-
     console = plain_console(highlight=False)
     sources = dict(islice(summary["sources"].items(), SHOWN))
     heads = ("source", "readings", "rate [Hz]", "gaps", "back")
@@ -86,7 +66,7 @@ def _print(summary: dict[str, Any]) -> None:
         (name, str(of["count"]), _g(of["rate"], 6), str(of["gaps"]), str(of["backwards"]))
         for name, of in sources.items()
     ]
-    console.print(_columns(heads, rates))
+    console.print(columns(heads, rates, names=("source",)))
     heads = ("source", "value", "least", "largest", "RMS", "peak [Hz]")
     keys = ("least", "largest", "rms", "peak_frequency")
     rows = [
@@ -94,7 +74,7 @@ def _print(summary: dict[str, Any]) -> None:
         for name, source in sources.items()
         for k, (value, row) in enumerate(source["values"].items())
     ]
-    console.print(_columns(heads, rows))
+    console.print(columns(heads, rows, names=("source", "value")))
     if len(summary["sources"]) > SHOWN:
         print(f"and {len(summary['sources']) - SHOWN} more sources{ELSEWHERE}")
     for line in _first(_body_lines(summary), "bodies"):
@@ -119,21 +99,6 @@ def _first(lines: Sequence[str], what: str) -> list[str]:
     """The first SHOWN lines, and the number of further ones."""
     more = len(lines) - SHOWN
     return [*lines[:SHOWN], *([f"and {more} more {what}{ELSEWHERE}"] if more > 0 else [])]
-
-
-def _columns(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Table:
-    """A table in which names are folded if necessary, numbers never."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in heads:
-        left = name in ("source", "value")
-        table.add_column(
-            name, justify="left" if left else "right", overflow="fold", no_wrap=not left
-        )
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def _print_balance(summary: dict[str, Any]) -> None:

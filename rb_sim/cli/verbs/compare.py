@@ -11,13 +11,15 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, check_ending
+from rb_sim.base.plain_data import json_text, write_json
+from rb_sim.cli.options import CompareOptions
+from rb_sim.cli.plain import columns, note, plain_console, warn
 
 if TYPE_CHECKING:
     from rb_sim.bags.compare import Differences
@@ -28,29 +30,9 @@ TOO_FAR = 1
 """Exit code if a difference exceeds its bound."""
 
 
-@dataclass(frozen=True)
-class CompareOptions:
-    """Arguments of `rb_sim compare`."""
-
-    a: Path
-    b: str
-    out: Path | None = None
-    as_json: bool = False
-    align: str | None = None
-    """one of ALIGN; None: as `differences` decides."""
-    match: tuple[str, ...] = ()
-    wrench: tuple[str, ...] = ()
-    """topics of applied wrenches, as `recorded_by_others` takes them."""
-    bounds: dict[str, float] = field(default_factory=dict)
-    """largest allowed difference by quantity."""
-    screenshot: Path | None = None
-    """file for a picture of both motions."""
-
-
 def compare(options: CompareOptions) -> int:
     """Compare two motions; returns 0, or TOO_FAR. Raises RbSimError."""
     from rb_sim.bags.compare import differences, summary
-    from rb_sim.cli.verbs.replay import warn
 
     check_ending(options.screenshot, ".png")
     for name, bound in options.bounds.items():
@@ -59,11 +41,11 @@ def compare(options: CompareOptions) -> int:
     a = first_tracks(options)
     b = other_tracks(options, a)
     warn([*a.notes, *b.notes])  # before errors, which they may explain
-    found = differences(a, b, align=options.align, match=_pairs(options.match))
+    found = differences(a, b, align=options.align, match=_pairs(options.match or ()))
     report = summary(found, options.bounds)
     warn(found.notes)
     if options.as_json:
-        print(json.dumps(report, indent=2))
+        print(json_text(report))
     else:
         _print(report)
     if options.out is not None:
@@ -75,7 +57,7 @@ def compare(options: CompareOptions) -> int:
     return TOO_FAR if report["exceeded"] else 0
 
 
-def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
+def _pairs(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         if not all(text.partition("=")):
             raise RbSimError(f"--match {text}: must be NAME_IN_A=NAME_IN_B")
@@ -141,7 +123,6 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
     from rb_sim.bags.resim import resimulate
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.cli.verbs.fit import refuse_wrench
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.io.bag.reader import reader_of
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
@@ -149,7 +130,7 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
     reader = reader_of(options.a, unfinished=True)
     if reader is None:
         return _beside_others(options, load_scene(find_scene(options.b)), a)
-    refuse_wrench(options.wrench)
+    refuse_wrench(options.wrench or ())
     own = reader.scene.simulation
     scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
@@ -165,12 +146,11 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     from rb_sim.bags.compare import shown_offset
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.checks.check_list import CheckedSamples
-    from rb_sim.cli.verbs.replay import note, warn
     from rb_sim.fit.recording import followed, pairs_of, recorded_by_others
     from rb_sim.simulation.simulation import Simulation
 
-    pairs, left_out = pairs_of(a, list(scene.bodies), options.match)
-    recording = recorded_by_others(a, scene, pairs, options.wrench)
+    pairs, left_out = pairs_of(a, list(scene.bodies), options.match or ())
+    recording = recorded_by_others(a, scene, pairs, options.wrench or ())
     warn(left_out)
     note(recording.notes)
     simulation = Simulation(scene)
@@ -187,28 +167,26 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
 
 
 def _print(report: dict[str, Any]) -> None:
-    from rich.table import Table
-
     from rb_sim.bags.compare import UNITS
-    from rb_sim.cli.plain import plain_console
 
     print(_clocks(report))
     start = report["start"]
     if start:
         print(f"t from {start:.6f} s on")
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for k, name in enumerate(("of", "", "RMS", "largest", "at t [s]", "interpolation",
-                              "apart from t [s]", "growth [1/s]")):  # fmt: skip
-        justify = "left" if k < 2 else "right"
-        table.add_column(name, justify=justify, overflow="fold", no_wrap=k == 1)
+    heads = (
+        *("of", "", "RMS", "largest", "at t [s]"),
+        *("interpolation", "apart from t [s]", "growth [1/s]"),
+    )
+    rows = []
     for name, quantities in report["differences"].items():
         for quantity, row in quantities.items():
             unit = UNITS[quantity]
             since = "never" if row["first_above"] is None else f"{row['first_above'] - start:.6g}"
             growth = "" if row["growth"] is None else f"{row['growth']:.3g}"
             uncertainty = f"{row['interpolation']:.2g}" if row["interpolation"] else ""
-            table.add_row(name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
-                          f"{row['at'] - start:.6g}", uncertainty, since, growth)  # fmt: skip
+            rows.append((name, f"{quantity} [{unit}]", f"{row['rms']:.3g}", f"{row['max']:.3g}",
+                         f"{row['at'] - start:.6g}", uncertainty, since, growth))  # fmt: skip
+    table = columns(heads, rows, names=heads[:2], folded=(heads[0], *heads[2:]))
     plain_console(highlight=False).print(table)
 
 
@@ -234,7 +212,7 @@ def _write(folder: Path, report: dict[str, Any], found: Differences, a: Tracks, 
 
     written = ["compare.json", "compare.png"]
     with writing(folder):
-        (folder / "compare.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        write_json(report, folder / "compare.json")
         picture(found, a, b, folder / "compare.png")
         try:
             overlay(a, b, found, folder / "compare.rrd")

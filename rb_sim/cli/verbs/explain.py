@@ -11,7 +11,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 import warnings
 from collections.abc import Sequence
@@ -20,17 +19,18 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
 from rb_sim.accuracy.costs import Cost, Explanation, Item, RunCost
 from rb_sim.accuracy.costs import explain as explain_scene
-from rb_sim.base.errors import AccuracyWarning, RbSimError
-from rb_sim.cli.plain import plain_console
+from rb_sim.base.errors import AccuracyWarning
+from rb_sim.base.plain_data import write_json
+from rb_sim.cli.plain import plain_console, progress
 from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
+from rb_sim.simulation.outputs import writing
 
 NO_PRICE = "-"
 
@@ -45,25 +45,14 @@ def explain(scene: str | Path, out: Path | None = None, changes: Sequence[str] =
     that cannot be written.
     """
     described = with_changes(scene, changes, load_scene)
-    console = plain_console(soft_wrap=False)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
-        result = explain_scene(
-            described,
-            lambda what, share: bar.update(task, description=f"{what:28}", completed=share),
-            cost_of_run,
-        )
+    with progress() as show:
+        result = explain_scene(described, show, cost_of_run)
+    console = plain_console()
     print_explanation(result, console)
     if out is not None:
-        path = out / "explain.json"
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            text = json.dumps(asdict(result), indent=2, allow_nan=False)
-            path.write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
-        console.print(f"wrote {path}")
+        with writing(out):
+            write_json(asdict(result), out / "explain.json")
+        console.print(f"wrote {out / 'explain.json'}")
     return 0
 
 

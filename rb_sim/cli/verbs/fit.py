@@ -11,14 +11,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.plain_data import json_text, write_json
 from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.cli.options import FitOptions
+from rb_sim.cli.plain import columns, note, plain_console, warn
 from rb_sim.fit.fit import Fitted, Recording
 from rb_sim.fit.fit import fit as solve
 
@@ -54,39 +55,20 @@ def picture(found: Fitted, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-@dataclass(frozen=True)
-class FitOptions:
-    """Arguments of `rb_sim fit`."""
-
-    bag: Path
-    free: str
-    scene: str | None = None
-    out: Path | None = None
-    match: tuple[str, ...] = ()
-    wrench: tuple[str, ...] = ()
-    """topics of applied wrenches, as `recorded_by_others` takes them."""
-    noise: tuple[float, float] | None = None
-    as_json: bool = False
-
-
 def fit(options: FitOptions) -> int:
     """Fit, print and write the results; returns 0. Raises RbSimError."""
-    from rb_sim.cli.summary import finite
-    from rb_sim.cli.verbs.replay import warn
-
     if options.noise is not None and not min(options.noise) > 0:
         raise RbSimError(f"--noise: got {options.noise}; must be two numbers > 0 [m, rad]")
-    keys = [key.strip() for key in options.free.split(",") if key.strip()]
+    keys = [key.strip() for key in ",".join(options.free).split(",") if key.strip()]
     scene, data, recording = set_up(options)
     found = solve(recording, scene, data, keys, options.noise)
     warn([*found.outliers, *found.lost])
-    summary = finite(found.as_dict())
     if options.as_json:
-        print(json.dumps(summary, indent=2, allow_nan=False))
+        print(json_text(found.as_dict()))
     else:
         _print(found)
     if options.out is not None:
-        _write(options.out, found, summary)
+        _write(options.out, found)
     return 0
 
 
@@ -94,7 +76,6 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     """(scene to fit, its YAML data, recorded motion). Raises RbSimError."""
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
-    from rb_sim.cli.verbs.replay import note, warn
     from rb_sim.fit.recording import pairs_of, recorded_by_others
     from rb_sim.io.bag.reader import reader_of, scene_as_run
     from rb_sim.scene import yaml_reader
@@ -114,13 +95,13 @@ def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
         raise RbSimError(f"{options.bag}: no scene in it; name one with --scene")
     tracks = tracks_of_bag(options.bag, scene)
     warn(tracks.notes)
-    pairs, left_out = pairs_of(tracks, list(scene.bodies), options.match)
+    pairs, left_out = pairs_of(tracks, list(scene.bodies), options.match or ())
     warn(left_out)
     if reader is None:
-        recording = recorded_by_others(tracks, scene, pairs, options.wrench)
+        recording = recorded_by_others(tracks, scene, pairs, options.wrench or ())
         note(recording.notes)
     else:
-        refuse_wrench(options.wrench)
+        refuse_wrench(options.wrench or ())
         recording = Recording(tracks, pairs)
         if tracks.notes == reader.unlisted:
             recording.inputs, recording.count = inputs_of(reader)
@@ -140,27 +121,17 @@ def refuse_wrench(wrench: Sequence[str]) -> None:
 
 
 def _print(found: Fitted) -> None:
-    from rich.table import Table
-
-    from rb_sim.cli.plain import plain_console
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("", "number", "start", "fitted", "std. error", "most with"):
-        table.add_column(
-            name,
-            justify="left" if name == "number" else "right",
-            overflow="fold",
-            no_wrap=name != "number",
-        )
+    rows = []
     names = [number.name for number in found.free]
     for k, number in enumerate(found.free):
         others = abs(found.correlation[k]).copy()
         others[k] = -1.0
         j = int(others.argmax())
         most = f"{j + 1}: {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
-        table.add_row(str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
-                      f"{found.errors[k]:.2g}", most)  # fmt: skip
-    plain_console(highlight=False).print(table)
+        rows.append((str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
+                     f"{found.errors[k]:.2g}", most))  # fmt: skip
+    heads = ("", "number", "start", "fitted", "std. error", "most with")
+    plain_console(highlight=False).print(columns(heads, rows, names=("number",)))
     print(f"residuals: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
           f"{found.runs} runs")  # fmt: skip
     if found.correlation_left:
@@ -173,13 +144,12 @@ def _print(found: Fitted) -> None:
         print(f"not determined by this recording: {names_}")
 
 
-def _write(folder: Path, found: Fitted, summary: dict[str, Any]) -> None:
+def _write(folder: Path, found: Fitted) -> None:
     from rb_sim.scene import yaml_reader
     from rb_sim.simulation.outputs import writing
 
     with writing(folder):
-        text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
-        (folder / "fit.json").write_text(text, encoding="utf-8")
+        write_json(found.as_dict(), folder / "fit.json")
         (folder / "fitted.yaml").write_text(yaml_reader.write(found.data), encoding="utf-8")
         picture(found, folder / "residuals.png")
     print(

@@ -46,6 +46,7 @@ def hard_cases(
 
     beside: returns rows of other engines for a case and its rows; they do not affect the exit code.
     """
+    from rb_sim.simulation.outputs import writing
     from rb_sim.sweeps.hard_cases import FAILS, load_cases, rows_of, write
 
     if folder is not None and not folder.is_dir():
@@ -71,10 +72,8 @@ def hard_cases(
     for row in failed:
         print(f"fails: {row.case}, {row.method}: {row.message or row.check}", file=sys.stderr)
     if out is not None:
-        try:
+        with writing(out):
             print(f"wrote {', '.join(map(str, write(out, cases, rows, others, quick)))}")
-        except OSError as error:
-            raise RbSimError(f"--out {out}: cannot write there: {error.strerror}") from None
     print(
         f"{len(rows) - len(failed)} of {len(rows)} rows are within their bound or are "
         "documented limits"

@@ -11,12 +11,12 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Any
 
 from rb_sim.base.names import first_few
+from rb_sim.base.plain_data import json_text
+from rb_sim.cli.plain import columns, facts, plain_console, warn
 from rb_sim.io.messages.topic_names import CONTACT_EVENTS, RESETS, STATE_COMMAND
 
 DAMAGED = 1
@@ -33,34 +33,19 @@ def info(bag: Path, as_json: bool = False) -> int:
 
     found = read(bag)
     if as_json:
-        print(json.dumps(found, indent=2))
+        print(json_text(found))
     else:
         _print(found)
-    for line in found["notes"] + found["health"]["damage"]:
-        print(f"warning: {line}", file=sys.stderr)
+    warn(found["notes"] + found["health"]["damage"])
     return 0 if found["health"]["whole"] else DAMAGED
 
 
 def _print(found: dict[str, Any]) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from rb_sim.cli.plain import plain_console
-
     console = plain_console(highlight=False)
-    table = Table.grid(padding=(0, 3))
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for label, text in lines(found):
-        table.add_row(Text(label, style="bold"), Text(text))
-    console.print(table)
-    topics = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("topic", "type", "messages", "rate [Hz]", "jitter [ms]", "gaps", "longest [s]"):
-        left = name in ("topic", "type")
-        topics.add_column(name, justify="left" if left else "right", overflow="fold")
-    for name, topic in found["topics"].items():
-        topics.add_row(*_topic(name, topic))
-    console.print(topics)
+    console.print(facts(lines(found)))
+    heads = ("topic", "type", "messages", "rate [Hz]", "jitter [ms]", "gaps", "longest [s]")
+    topics = [_topic(name, topic) for name, topic in found["topics"].items()]
+    console.print(columns(heads, topics, names=("topic", "type"), folded=heads))
 
 
 def lines(found: dict[str, Any]) -> list[tuple[str, str]]:

@@ -28,6 +28,7 @@ from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.linear import LinearModel
 from rb_sim.scene.load import load_scene
+from rb_sim.simulation.outputs import writing
 from rb_sim.simulation.simulation import Simulation, check_smooth
 
 WIDEST = 8
@@ -75,7 +76,7 @@ def linearize(
     if not simulation.advance(at, forecast.goes_on):
         raise SimulationError(forecast.given_up)
     model = simulation.linearize(axes, turning)
-    console = plain_console(soft_wrap=False)
+    console = plain_console()
     is_steady = steady(simulation, model, axes, turning)
     if as_json:
         print(json.dumps({"scene": simulation.scene.name, "steady": is_steady} | model.as_dict()))
@@ -93,20 +94,15 @@ def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[
     paths."""
     from rb_sim.linear import state_space as picture  # imports matplotlib, when used
 
-    path = folder / "linear_model.npz"
-    written = [path]
+    written = [folder / "linear_model.npz"]
     figures = {"poles.png": picture.poles(name, model, is_steady),
                "bode.png": picture.bode(name, model)}  # fmt: skip
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        model.to_npz(path)
+    with writing(folder):
+        model.to_npz(written[0])
         for file, figure in figures.items():
             if figure is not None:
-                path = folder / file
-                figure.savefig(path)
-                written.append(path)
-    except OSError as error:
-        raise RbSimError(f"{path}: cannot be written: {error.strerror}") from error
+                figure.savefig(folder / file)
+                written.append(folder / file)
     return written
 
 

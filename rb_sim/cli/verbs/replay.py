@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -33,6 +32,7 @@ from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.base import __version__
 from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError, check_ending
 from rb_sim.base.palette import CYCLE
+from rb_sim.cli.plain import warn
 from rb_sim.io.drawn_supports import ground
 from rb_sim.io.motion_page import COLORS, FEW_BODIES, Applied, Lawful, RunPage, packed, spread
 from rb_sim.numerics.rotations import continuous, unit
@@ -209,18 +209,6 @@ def recover(bag: Path, directory: Path | None = None) -> None:
         what += f"; no checksum covers {some}, so damage in them cannot be detected"
     print(f"wrote {result.directory}: {result.messages} messages, {what}")
     warn(dict.fromkeys([*unlisted(bag), *result.damage]))
-
-
-def warn(lines: Iterable[str]) -> None:
-    """Print warnings on standard error."""
-    for line in lines:
-        print(f"warning: {line}", file=sys.stderr, flush=True)
-
-
-def note(lines: Iterable[str]) -> None:
-    """Print notes on standard error."""
-    for line in lines:
-        print(f"note: {line}", file=sys.stderr, flush=True)
 
 
 def _drawn(reader: BagReader) -> Scene:

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import json
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rb_sim.base.errors import RbSimError
+from rb_sim.base.plain_data import json_text
+from rb_sim.cli.options import CompareOptions, ResimOptions
+from rb_sim.cli.plain import warn
 
 if TYPE_CHECKING:
     from rb_sim.bags.resim import Identity
@@ -27,33 +29,12 @@ DIFFERENT = 1
 """Exit code if an unchanged run gives other samples."""
 
 
-@dataclass(frozen=True)
-class ResimOptions:
-    """Arguments of `rb_sim resim`; scene, changes, method, step and tolerance change the run."""
-
-    bag: Path
-    out: Path | None = None
-    scene: str | None = None
-    changes: tuple[str, ...] = ()
-    method: str | None = None
-    step: float | None = None
-    tolerance: float | None = None
-    as_json: bool = False
-    overwrite: bool = False
-
-    @property
-    def what_if(self) -> bool:
-        """True if the run shall differ from the recorded one."""
-        return bool(self.scene or self.changes or self.method or self.step or self.tolerance)
-
-
 def resim(options: ResimOptions) -> int:
     """Simulate a recorded run again; returns 0, or DIFFERENT if an unchanged run gives other
     samples.
 
     Raises RbSimError.
     """
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.io.bag.reader import BagReader
 
     reader = BagReader(options.bag, unfinished=True)
@@ -61,9 +42,11 @@ def resim(options: ResimOptions) -> int:
         out = options.out / "bag" if options.out else Path(folder) / "bag"
         _simulate(reader, options, out)
         if options.what_if:
-            from rb_sim.cli.verbs.compare import CompareOptions, compare
+            from rb_sim.cli.verbs.compare import compare
 
-            return compare(CompareOptions(options.bag, str(out), options.out, options.as_json))
+            return compare(
+                CompareOptions(options.bag, str(out), options.out, as_json=options.as_json)
+            )
         code = _say_identity(reader, BagReader(out), options.as_json)
     warn(reader.left_out)
     return code
@@ -71,7 +54,6 @@ def resim(options: ResimOptions) -> int:
 
 def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
     from rb_sim.bags.resim import resimulate
-    from rb_sim.cli.verbs.replay import warn
     from rb_sim.cli.verbs.scenes import with_changes
     from rb_sim.io.bag.reader import scene_as_run
     from rb_sim.scene.load import load_scene
@@ -79,11 +61,11 @@ def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
 
     overrides = {name: getattr(options, name) for name in ("method", "step", "tolerance")}
     if options.scene is None:
-        scene = scene_as_run(reader, options.changes, overrides)
+        scene = scene_as_run(reader, options.change or (), overrides)
     else:
         own = reader.scene.simulation
         overrides |= {"duration": own.duration, "rate": own.rate}
-        scene = with_changes(options.scene, options.changes, load_scene, **overrides)
+        scene = with_changes(options.scene, options.change or (), load_scene, **overrides)
     if options.out is not None and (out / "metadata.yaml").exists():
         if out.resolve() == reader.path.parent.resolve():
             raise RbSimError(f"--out {options.out}: contains the bag to be simulated again")
@@ -97,7 +79,7 @@ def _say_identity(recorded: BagReader, again: BagReader, as_json: bool) -> int:
 
     found = identity(recorded, again)
     if as_json:
-        print(json.dumps(found.as_dict(), indent=2))
+        print(json_text(found.as_dict()))
     else:
         print("\n".join(identity_lines(found, _other(recorded))))
     return 0 if found.same or (recorded.damage and found.identical == found.samples) else DIFFERENT

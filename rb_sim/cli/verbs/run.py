@@ -17,7 +17,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,11 +28,10 @@ from rb_sim.base.errors import (
     SimulationError,
     StepTooLargeError,
 )
+from rb_sim.cli.options import RunOptions
 from rb_sim.simulation.signals import BrokenOffError, Interruption
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from rb_sim.checks.check import Effort
     from rb_sim.checks.check_list import CheckList
     from rb_sim.cli.summary import Clocks
@@ -44,38 +42,6 @@ if TYPE_CHECKING:
 
 
 # Options of a run, and the scene with these options applied.
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """Arguments of `rb_sim run`. None: the scene's own value, or the default."""
-
-    scene: str
-    out: Path | None = None
-    overwrite: bool = False
-    """whether logs of another run in `out` are replaced."""
-    duration: float | None = None
-    rate: float | None = None
-    method: str | None = None
-    step: float | None = None
-    tolerance: float | None = None
-    bag: bool = True
-    rerun: bool | None = None
-    plots: bool = True
-    npz: Path | None = None
-    accelerations: bool = False
-    quiet: bool = False
-    wall_stamps: bool = False
-    strict: bool = False
-    certify: bool = False
-    check: bool | None = None
-    """whether the global error is measured by a second run; None: only if that is quick
-    (checks/second_run)."""
-    max_wall: float | None = None
-    changes: tuple[str, ...] = ()
-    """KEY=VALUE changes of the scene."""
-    split_size: int | None = None
-    split_duration: float | None = None
 
 
 def given(options: RunOptions) -> dict[str, Any]:
@@ -108,12 +74,12 @@ def scene_of(options: RunOptions) -> Scene:
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:
         with warnings.catch_warnings():
-            if options.changes:  # the changed scene warns itself
+            if options.change:  # the changed scene warns itself
                 warnings.simplefilter("ignore", SceneWarning)
             scene = scene_to_run(options.scene, overrides)
-        if not options.changes:
+        if not options.change:
             return scene
-        data = with_values(yaml_reader.parse(as_run_text(scene), scene.file), options.changes)
+        data = with_values(yaml_reader.parse(as_run_text(scene), scene.file), options.change)
         return scene_from_mapping(data, name=scene.name, file=scene.file)
     except SceneError as error:
         section, _, name = error.key.partition(".")
@@ -127,7 +93,7 @@ def check_accelerations(options: RunOptions, scene: Scene) -> None:
     RbSimError."""
     if not options.accelerations:
         return
-    written = options.out is not None and (options.plots or options.bag)
+    written = options.out is not None and not (options.no_plots and options.no_bag)
     if options.npz is None and not written:
         raise RbSimError("--accelerations: give --out DIR for bag and plots, or --npz FILE.npz")
     if scene.simulation.method == "time_stepping":
@@ -221,12 +187,18 @@ class _Run:
             refuse_logs(options.out, "--out", "or use --overwrite")
         scene = scene_of(options)
         check_accelerations(options, scene)
-        wanted = {"bag": options.bag, "rerun": options.rerun, "plots": options.plots}
-        wanted["accelerations"] = options.accelerations
         start = time.time_ns() if options.wall_stamps else 0
         split = splitting(options)
         outputs = choose(
-            options.out, _say, **wanted, start_ns=start, options=given(options), split=split
+            options.out,
+            _say,
+            bag=not options.no_bag,
+            rerun=options.rerun,
+            plots=not options.no_plots,
+            accelerations=options.accelerations,
+            start_ns=start,
+            options=given(options),
+            split=split,
         )
         simulation = compiled(scene, _quiet if options.quiet else _say)
         self.interruption.logging = True
@@ -294,7 +266,8 @@ class _Run:
     def _finish(self, simulation: Simulation, check_list: CheckList, clocks: Clocks) -> int:
         """Close the logs and print the summary; returns the exit code."""
         from rb_sim.checks.step_search import quiet_step
-        from rb_sim.cli.summary import print_summary, summarize
+        from rb_sim.cli.plain import facts, plain_console
+        from rb_sim.cli.summary import lines, summarize
 
         outcome, cause = self.failure or "finished", self.interruption.cause
         if cause is not None:
@@ -312,7 +285,7 @@ class _Run:
         complete = self._write_files(simulation, summary)
         complete &= not any(output.failure for output in self.outputs.values())
         if not self.options.quiet:
-            print_summary(summary, _console())
+            plain_console(highlight=False).print(facts(lines(summary)))
             self._say_what_is_written()
         return self._exit_code(check_list, complete)
 
@@ -368,7 +341,7 @@ class _Run:
 
     def _write_files(self, simulation: Simulation, summary: dict[str, Any]) -> bool:
         """Write summary.json and the .npz file; returns whether both succeeded."""
-        from rb_sim.cli.summary import write_json
+        from rb_sim.base.plain_data import write_json
 
         complete = True
         if self.options.out is not None:
@@ -418,14 +391,6 @@ def _write(path: Path, write: Callable[[], None]) -> bool:
         _say(f"warning: {path}: cannot be written: {error.strerror}")
         return False
     return True
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    from rb_sim.cli.plain import width
-
-    return Console(highlight=False, width=width())
 
 
 def _say(line: str) -> None:

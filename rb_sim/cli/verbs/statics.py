@@ -14,11 +14,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.plain_data import write_json
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.scenes import with_changes
+from rb_sim.simulation.outputs import writing
 from rb_sim.statics import load_statics, solve
-from rb_sim.statics.statics_tables import print_report, write_json
+from rb_sim.statics.statics_tables import as_dict, print_report
 
 
 def statics(scene: str | Path, out: Path | None = None, changes: Sequence[str] = ()) -> int:
@@ -31,16 +32,13 @@ def statics(scene: str | Path, out: Path | None = None, changes: Sequence[str] =
     """
     description = with_changes(scene, changes, load_statics)
     result = solve(description)
-    console = plain_console(soft_wrap=False)
+    console = plain_console()
     print_report(description, result, console)
     if out is not None:
         from rb_sim.statics.picture import save_picture  # imports matplotlib, when used
 
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            write_json(description, result, out / "statics.json")
+        with writing(out):
+            write_json(as_dict(description, result), out / "statics.json")
             save_picture(description, result, out / "statics.png")
-        except OSError as error:
-            raise RbSimError(f"{out}: cannot be written: {error.strerror}") from error
         console.print(f"wrote {out / 'statics.json'} and {out / 'statics.png'}")
     return 1 if result.verdict == "no equilibrium" else 0

@@ -21,8 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from rb_sim.base.errors import AccuracyWarning
-from rb_sim.cli.plain import plain_console
-from rb_sim.cli.verbs.replay import warn
+from rb_sim.cli.plain import plain_console, warn
 from rb_sim.sweeps.plan import load_plan, shipped_plans
 from rb_sim.sweeps.sweep import sweep as run_plan
 
@@ -84,7 +83,7 @@ def _bar(runs: int) -> Iterator[Callable[[int, int, int], None]]:
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=plain_console(soft_wrap=False), transient=True) as bar:
+    with Progress(*columns, console=plain_console(), transient=True) as bar:
         task = bar.add_task("starting", total=runs, rate="")
 
         def show(done: int, total: int, failed: int) -> None:
@@ -101,7 +100,7 @@ def sweep_report(folder: Path) -> int:
     from rb_sim.sweeps.sweep_page import report
 
     result = report(folder)
-    console = plain_console(soft_wrap=False)
+    console = plain_console()
     print(f"{result.runs} runs, {result.failed} of them failed")
     table = Table("output", "", "run", "value")
     for extreme in result.extremes:

@@ -20,6 +20,7 @@ import hashlib
 import json
 import os
 import platform
+from bisect import bisect_right
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -42,8 +43,9 @@ from rb_sim.io.messages.topics import (
     Asked,
     InputTable,
     OdometryTable,
-    SampleMessages,
     TopicTable,
+    event_message,
+    events_before,
     latched_messages,
 )
 from rb_sim.scene.load import as_run_text
@@ -205,7 +207,6 @@ class BagSink:
         self._chunk_size = chunk_size
         self._split_size = float("inf") if split_size is None else split_size
         self._split_after = float("inf") if split_duration is None else NANO * split_duration
-        self._splits = split_size is not None or split_duration is not None
         self._file: BagFile | None = None
         self._channels: list[int] = []
         self._events: int | None = None
@@ -268,13 +269,13 @@ class BagSink:
         """Write the records that a reader needs before the first message."""
         file.add_metadata(RECORD, self._record)
         for name, text in self._texts.items():
-            file.add_attachment(name, "application/yaml", text, self._start)
+            file.add_attachment(self._start, name, "application/yaml", text)
 
-    def _split_before(self, file: BagFile, instant: SampleMessages) -> BagFile:
+    def _split_before(self, file: BagFile, stamp: int) -> BagFile:
         """The file for a sample: a new one if the current one reached a limit."""
         if file.first is None or file.count <= len(self._latched):
             return file
-        time = self._base + max(instant.stamp, self._last_stamp)
+        time = self._base + max(stamp, self._last_stamp)
         if file.stream.tell() < self._split_size and time - file.first < self._split_after:
             return file
         after = file.follow()
@@ -330,10 +331,8 @@ class BagSink:
         try:
             if len(block) and not self._latched:
                 self._latch(self._file, block)
-            if self._is_plain(block):
-                self._write_plain(self._file, block)
-            elif len(block):
-                self._write_one_by_one(self._file, block)
+            if len(block):
+                self._write_samples(self._file, block)
             self._file.keep()
         except OSError as error:
             path = self._file.path
@@ -345,60 +344,46 @@ class BagSink:
         if self._file.stream.full:
             self._finish_full()
 
-    def _is_plain(self, block: SampleBlock) -> bool:
-        """Whether the block needs no events, inputs, split or step back in time."""
-        more = block.events or block.inputs or self._splits or not len(block)
-        stamps = stamps_of(block)
-        return not more and bool((np.diff(stamps, prepend=self._last_stamp) >= 0).all())
-
-    def _write_plain(self, file: BagFile, block: SampleBlock) -> None:
-        """Write the samples, about one chunk at a time, until the disk is full."""
-        stamps, rows, bounds = self._table.packed(block)
+    def _write_samples(self, file: BagFile, block: SampleBlock) -> None:
+        """Write the samples with the inputs and events before them, until the disk is full."""
+        stamps, data, bounds = self._table.packed(block)
         for more in [part for table in self._tables for part in table.rows(block)]:
-            end = rows.shape[1]
-            rows, bounds = np.hstack([rows, more]), [*bounds, (end, end + more.shape[1])]
-        some = max(1, self._chunk_size // max(1, rows.shape[1]))
-        for first in range(0, len(rows), some):
-            part = slice(first, first + some)
-            times = self._base + stamps[part]
-            file.write_rows(self._channels, times, self._sample, Rows(rows[part], bounds))
-            self._sample += len(times)
-            self._last_stamp = int(stamps[part][-1])
-            if file.stream.full:
-                return
-
-    def _write_one_by_one(self, file: BagFile, block: SampleBlock) -> None:
-        inputs = list(block.inputs)
-        more = [part for table in self._tables for part in table.rows(block)]
-        for k, instant in enumerate(self._table.messages(block)):
-            file = self._split_before(file, instant)
-            while inputs and inputs[0].index <= k:
+            end = data.shape[1]
+            data, bounds = np.hstack([data, more]), [*bounds, (end, end + more.shape[1])]
+        rows = Rows(data, bounds)
+        inputs, events = list(block.inputs), events_before(block, stamps)
+        alone = {*events, *(given.index for given in inputs)}
+        back = np.flatnonzero(np.diff(stamps) < 0) + 1
+        borders = sorted({*alone, *(k + 1 for k in alone), *back.tolist(), len(stamps)})
+        width, first = rows.width, 0
+        while first < len(stamps) and not file.stream.full:
+            stamp = int(stamps[first])
+            file = self._split_before(file, stamp)
+            while inputs and inputs[0].index <= first:
                 self._write_input(file, inputs.pop(0))
-            instant.messages.extend(part[k].tobytes() for part in more)
-            self._write_sample(file, instant)
-            if file.stream.full:
-                return
+            # if the simulation was reset, log times continue
+            self._base += max(0, self._last_stamp - stamp)
+            for event in events.get(first, ()):
+                own_time = self._base + min(stamp_of(event.t), stamp)
+                file.write(self._events, own_time, self._sample, event_message(event))  # type: ignore[arg-type]
+            end = min(borders[bisect_right(borders, first)], first + file.room // width + 1)
+            times = self._base + stamps[first:end]
+            assert file.first is not None  # the latched messages are in it
+            times = times[: max(1, int(np.searchsorted(times - file.first, self._split_after)))]
+            part = Rows(data[first : first + len(times)], bounds)
+            file.write_rows(self._channels, times, self._sample, part)
+            first += len(times)
+            self._sample += len(times)
+            self._last_stamp = int(times[-1]) - self._base
 
     def _write_input(self, file: BagFile, given: Input) -> None:
         topic, data = self._input_table.message(given)
-        log_time = max(self._base + stamp_of(given.t), self._base + self._last_stamp)
+        log_time = self._base + max(stamp_of(given.t), self._last_stamp)
         if topic not in self._inputs:  # created on demand: most runs have no inputs
             name, ros_type = self._input_table.topics[topic]
             channel = self._add_channel(file, f"{self._namespace}/{name}", ros_type)
             self._inputs[topic] = channel
         file.write(self._inputs[topic], log_time, self._sample, data)
-
-    def _write_sample(self, file: BagFile, instant: SampleMessages) -> None:
-        stamp = instant.stamp
-        if stamp < self._last_stamp:  # the simulation was reset: log times continue
-            self._base += self._last_stamp - stamp
-        self._last_stamp = stamp
-        log_time = self._base + stamp
-        for data in instant.events:
-            own_time = self._base + min(cdr.read_diagnostic(data)[0], stamp)
-            file.write(self._events, own_time, self._sample, data)  # type: ignore[arg-type]
-        file.write_all(self._channels, log_time, self._sample, instant.messages)
-        self._sample += 1
 
     def _finish_full(self) -> None:
         self.close(None)

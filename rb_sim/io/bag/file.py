@@ -20,12 +20,13 @@ import fcntl
 import os
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import yaml
+from mcap.records import Channel
 
 from rb_sim.io.bag.writer import McapWriter, Rows
 
@@ -38,29 +39,6 @@ from rb_sim.io.bag.writer import McapWriter, Rows
 
 PERIOD = 0.5
 """[s] of wall-clock time after which a pending message is written as a draft."""
-
-
-class Draft:
-    """Timer of the drafts. clock: returns wall-clock time [s]."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._since: float | None = None
-
-    def wait(self) -> None:
-        """Note that a message is pending in the open chunk."""
-        if self._since is None:
-            self._since = self._clock()
-
-    def clear(self) -> None:
-        """Note that no message is pending: the chunk ended, or a draft was written."""
-        self._since = None
-
-    @property
-    def due(self) -> bool:
-        """True if a message has been pending for PERIOD."""
-        return self._since is not None and self._clock() - self._since >= PERIOD
-
 
 # Output file that appends whole records, also when the disk is full.
 #
@@ -201,14 +179,7 @@ def mcap_path(directory: Path, number: int = 0) -> Path:
     return directory / f"{directory.resolve().name}_{number}.mcap"
 
 
-class _Channel(NamedTuple):
-    topic: str
-    ros_type: str
-    type_hash: str
-    qos: list[Any]
-
-
-class BagFile:
+class BagFile(McapWriter):
     """Writes one file of a bag directory. Raises OSError as BagStream does.
 
     Existing files with the same names are replaced. before: preceding files of a split bag.
@@ -230,93 +201,61 @@ class BagFile:
         self._metadata_path.unlink(missing_ok=True)
         if not before:
             self._remove_older()
-        self._writer = McapWriter(self.stream, chunk_size)
-        self._channels: dict[int, _Channel] = {}
-        self._counts: dict[int, int] = {}
-        self._schemas: dict[tuple[str, bytes], int] = {}
-        self._schema_of: dict[int, int] = {}
-        self._draft = Draft()
-        self._first: int | None = None
-        self._last = 0
-        self._writer.start(profile="ros2", library=library)
+        super().__init__(self.stream, chunk_size)
+        self._qos: list[list[Any]] = []
+        """profiles of each channel."""
+        self._schema_of: dict[tuple[str, bytes], int] = {}
+        self._pending: float | None = None
+        """wall-clock time [s] since which a message of the open chunk is in no draft."""
+        self.start(profile="ros2", library=library)
 
     @property
     def count(self) -> int:
         """Number of messages so far."""
-        return sum(self._counts.values())
+        return sum(self.counts.values())
 
     @property
     def first(self) -> int | None:
         """Earliest log time [ns]; None before the first message."""
-        return self._first
-
-    @property
-    def last(self) -> int:
-        """Latest log time [ns]."""
-        return self._last
+        return self.span and self.span[0]
 
     def add_channel(
         self, topic: str, ros_type: str, schema: bytes, type_hash: str, qos: list[Any] | None = None
     ) -> int:
         """Add a topic; returns the channel number for `write`."""
         key = ros_type, schema
-        if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(ros_type, "ros2msg", schema)
-        profiles = [QOS] if qos is None else qos
+        if key not in self._schema_of:
+            self._schema_of[key] = self.register_schema(ros_type, "ros2msg", schema)
+        self._qos.append([QOS] if qos is None else qos)
         metadata = {
-            "offered_qos_profiles": yaml.safe_dump(profiles, sort_keys=False),
+            "offered_qos_profiles": yaml.safe_dump(self._qos[-1], sort_keys=False),
             "topic_type_hash": type_hash,
         }
-        schema_id = self._schemas[key]
-        channel = self._writer.register_channel(topic, "cdr", schema_id, metadata)
-        self._channels[channel] = _Channel(topic, ros_type, type_hash, profiles)
-        self._schema_of[channel] = schema_id
-        self._counts[channel] = 0
-        return channel
-
-    def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Write a metadata record at once."""
-        self._writer.add_metadata(name, values)
-
-    def add_attachment(self, name: str, media_type: str, data: bytes, time: int) -> None:
-        """Write an attached file at once. time: [ns] since the epoch."""
-        self._writer.add_attachment(time, name, media_type, data)
+        return self.register_channel(topic, "cdr", self._schema_of[key], metadata)
 
     def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
         """Write one message. time: [ns] since the epoch; sequence: number of the sample."""
-        self.write_all((channel,), time, sequence, (data,))
-
-    def write_all(
-        self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
-    ) -> None:
-        """Write one message on each channel, with the time and sequence of `write`."""
-        ended = self._writer.add_messages(channels, time, sequence & 0xFFFFFFFF, messages)
-        self._note(channels, 1, (time, time), ended)
+        self.add_message(channel, time, sequence, data)
+        self._wait()
 
     def write_rows(self, channels: Sequence[int], times: Any, sequence: int, rows: Rows) -> None:
         """Write messages on each channel, row by row; `times` [ns] and sequence increase."""
-        ended = self._writer.add_rows(channels, times, sequence, rows)
-        self._note(channels, len(times), (int(times[0]), int(times[-1])), ended)
+        self.add_rows(channels, times, sequence, rows)
+        self._wait()
 
-    def _note(
-        self, channels: Sequence[int], count: int, span: tuple[int, int], ended: bool
-    ) -> None:
-        """Count messages. span: earliest and latest time; ended: whether a chunk ended."""
-        if ended:
-            self._draft.clear()
-        if self._writer.waiting:
-            self._draft.wait()
-        for channel in channels:
-            self._counts[channel] += count
-        first, last = span
-        self._first = first if self._first is None else min(self._first, first)
-        self._last = max(self._last, last)
+    def _wait(self) -> None:
+        if self._pending is None and self.waiting:
+            self._pending = time.monotonic()
+
+    def _end_chunk(self) -> None:
+        super()._end_chunk()
+        self._pending = None
 
     def keep(self) -> None:
         """Write a draft if a message has been pending for PERIOD; to be called regularly."""
-        if self._draft.due:
-            self.stream.write_draft(self._writer.draft())
-            self._draft.clear()
+        if self._pending is not None and time.monotonic() - self._pending >= PERIOD:
+            self.stream.write_draft(self.draft())
+            self._pending = None
 
     def _remove_older(self) -> None:
         """Delete later files of an older bag, which would otherwise seem to continue this one."""
@@ -329,12 +268,9 @@ class BagFile:
         """Finish this file; returns the next one with the same topics and channel numbers."""
         after = BagFile(*self._opened, before=(*self._before, self))
         try:
-            schemas = {number: schema for (_, schema), number in self._schemas.items()}
-            for number, channel in self._channels.items():
-                text = schemas[self._schema_of[number]]
-                after.add_channel(
-                    channel.topic, channel.ros_type, text, channel.type_hash, channel.qos
-                )
+            for channel, qos in zip(self.channels, self._qos, strict=True):
+                schema, type_hash = self.schemas[channel.schema_id - 1], _type_hash(channel)
+                after.add_channel(channel.topic, schema.name, schema.data, type_hash, qos)
             self._end()
         except OSError:
             after.abandon()
@@ -345,8 +281,8 @@ class BagFile:
         """Write the index and close the file; it is closed even if that fails."""
         try:
             text = yaml.safe_dump(_information((self,)), sort_keys=False)
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": text})
-            self._writer.finish()
+            self.add_metadata("rosbag2", {"serialized_metadata": text})
+            super().finish()
         finally:
             self.stream.close()
 
@@ -363,54 +299,54 @@ class BagFile:
         """Close the file without an index; `rb_sim recover` makes it readable."""
         self.stream.close()
 
-    def span(self) -> dict[str, Any]:
-        """Times and number of the messages, in the format of metadata.yaml."""
-        return _span(self._first or 0, self._last, self.count)
+    def topics(self) -> Iterator[tuple[dict[str, Any], int]]:
+        """Metadata and number of messages of each topic, in the format of metadata.yaml."""
+        for channel, qos in zip(self.channels, self._qos, strict=True):
+            metadata = {
+                "name": channel.topic,
+                "type": self.schemas[channel.schema_id - 1].name,
+                "serialization_format": "cdr",
+                "offered_qos_profiles": deepcopy(qos),  # YAML would write an alias
+                "type_description_hash": _type_hash(channel),
+            }
+            yield metadata, self.counts.get(channel.id, 0)
 
-    def counts(self) -> list[tuple[_Channel, int]]:
-        """Channel and number of messages of each topic."""
-        return [(channel, self._counts[number]) for number, channel in self._channels.items()]
+
+def _type_hash(channel: Channel) -> str:
+    return channel.metadata["topic_type_hash"]
 
 
-def _span(first: int, last: int, count: int) -> dict[str, Any]:
+def _span(files: tuple[BagFile, ...]) -> dict[str, Any]:
+    """Times and number of the messages of these files, in the format of metadata.yaml."""
+    spans = [file.span for file in files if file.span is not None]
+    first = min((first for first, _ in spans), default=0)
+    last = max((last for _, last in spans), default=0)
     return {
         "duration": {"nanoseconds": max(0, last - first)},
         "starting_time": {"nanoseconds_since_epoch": first},
-        "message_count": count,
+        "message_count": sum(file.count for file in files),
     }
 
 
 def _information(files: tuple[BagFile, ...]) -> dict[str, Any]:
     """Content of metadata.yaml for these files."""
-    starts = [file.first for file in files if file.first is not None]
-    last = max(file.last for file in files)
-    channels: dict[str, tuple[_Channel, int]] = {}
+    topics: dict[str, dict[str, Any]] = {}
     for file in files:
-        for channel, count in file.counts():
-            before = channels[channel.topic][1] if channel.topic in channels else 0
-            channels[channel.topic] = channel, before + count
+        for metadata, count in file.topics():
+            before = topics[metadata["name"]]["message_count"] if metadata["name"] in topics else 0
+            topics[metadata["name"]] = {
+                "topic_metadata": metadata,
+                "message_count": before + count,
+            }
     return {
         "version": _METADATA_VERSION,
         "storage_identifier": "mcap",
-        **_span(min(starts, default=0), last, sum(file.count for file in files)),
-        "topics_with_message_count": [
-            {"topic_metadata": _topic_metadata(channel), "message_count": count}
-            for channel, count in channels.values()
-        ],
+        **_span(files),
+        "topics_with_message_count": list(topics.values()),
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.path.name for file in files],
-        "files": [{"path": file.path.name, **file.span()} for file in files],
+        "files": [{"path": file.path.name, **_span((file,))} for file in files],
         "custom_data": None,
         "ros_distro": ROS_DISTRO,
-    }
-
-
-def _topic_metadata(channel: _Channel) -> dict[str, Any]:
-    return {
-        "name": channel.topic,
-        "type": channel.ros_type,
-        "serialization_format": "cdr",
-        "offered_qos_profiles": deepcopy(channel.qos),  # YAML would write an alias
-        "type_description_hash": channel.type_hash,
     }

@@ -406,7 +406,7 @@ class _Copied:
     def attachment(self, record: Attachment) -> None:
         """Copy an attachment, once."""
         if self._is_new(record.name, record.media_type, record.data):
-            self.file.add_attachment(record.name, record.media_type, record.data, record.log_time)
+            self.file.add_attachment(record.log_time, record.name, record.media_type, record.data)
 
     def _is_new(self, *content: object) -> bool:
         known = content in self._files

@@ -77,6 +77,11 @@ class Rows(NamedTuple):
     bounds: Sequence[tuple[int, int]]
     """start and end of each message in a row."""
 
+    @property
+    def width(self) -> int:
+        """Bytes of the records of a row."""
+        return sum(MESSAGE.size + end - start for start, end in self.bounds)
+
     def records(self, channels: Sequence[int], times: NDArray[Any], sequence: int) -> Rows:
         """The messages as records. times: [ns], shape (n,); sequence numbers count up."""
         n = len(times)
@@ -131,15 +136,15 @@ class McapWriter:
     def __init__(self, sink: Sink, chunk_size: int) -> None:
         self._sink, self._chunk_size = sink, chunk_size
         self._chunk = _Chunk()
-        self._schemas: list[Schema] = []
-        self._channels: list[Channel] = []
+        self.schemas: list[Schema] = []
+        self.channels: list[Channel] = []
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._counts: dict[int, int] = {}
-        """number of messages in finished chunks, by channel."""
-        self._span: tuple[int, int] | None = None
-        """earliest and latest log time in finished chunks [ns]."""
+        self.counts: dict[int, int] = {}
+        """number of messages so far, by channel."""
+        self.span: tuple[int, int] | None = None
+        """earliest and latest log time so far [ns]."""
 
     def start(self, profile: str, library: str) -> None:
         """Write the start of the file."""
@@ -148,45 +153,38 @@ class McapWriter:
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema; returns its number."""
-        number = len(self._schemas) + 1
-        self._schemas.append(Schema(id=number, data=data, encoding=encoding, name=name))
-        self._put(self._schemas[-1])
+        number = len(self.schemas) + 1
+        self.schemas.append(Schema(id=number, data=data, encoding=encoding, name=name))
+        self._put(self.schemas[-1])
         return number
 
     def register_channel(
         self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str]
     ) -> int:
         """Add a channel; returns its number."""
-        number = len(self._channels) + 1
-        self._channels.append(Channel(number, topic, message_encoding, metadata, schema_id))
-        self._put(self._channels[-1])
+        number = len(self.channels) + 1
+        self.channels.append(Channel(number, topic, message_encoding, metadata, schema_id))
+        self._put(self.channels[-1])
         return number
 
-    def add_messages(
-        self, channels: Sequence[int], time: int, sequence: int, messages: Sequence[bytes]
-    ) -> bool:
-        """Add one message on each channel, logged and published at `time` [ns], with the same
-        sequence number. Returns whether a chunk ended."""
-        begun = chunk = self._chunk
-        content, index, pack, entry = chunk.data, chunk.index, MESSAGE.pack, ENTRY.pack
-        for channel, data in zip(channels, messages, strict=True):
-            entries = index.get(channel)
-            if entries is None:
-                entries = index[channel] = bytearray()
-            entries += entry(time, len(content))
-            content += pack(OPCODE, OWN + len(data), channel, sequence, time, time)
-            content += data
-            if len(content) > self._chunk_size:
-                self._end_chunk()
-                chunk = self._chunk
-                content, index = chunk.data, chunk.index
-        return chunk is not begun
+    def add_message(self, channel: int, time: int, sequence: int, data: bytes) -> None:
+        """Add one message, logged and published at `time` [ns]."""
+        self._note((channel,), 1, time, time)
+        chunk = self._chunk
+        entries = chunk.index.setdefault(channel, bytearray())
+        entries += ENTRY.pack(time, len(chunk.data))
+        size = OWN + len(data)
+        chunk.data += MESSAGE.pack(OPCODE, size, channel, sequence & 0xFFFFFFFF, time, time) + data
+        if len(chunk.data) > self._chunk_size:
+            self._end_chunk()
 
     def add_rows(
         self, channels: Sequence[int], times: NDArray[Any], sequence: int, rows: Rows
-    ) -> bool:
-        """As `add_messages` for each row, the same bytes, faster; sequence counts up."""
-        begun, (records, bounds) = self._chunk, rows.records(channels, times, sequence)
+    ) -> None:
+        """As `add_message` for each message, row by row, the same bytes, faster; times do not
+        decrease, sequence counts up."""
+        self._note(channels, len(times), int(times[0]), int(times[-1]))
+        records, bounds = rows.records(channels, times, sequence)
         n, width = records.shape
         data, each = memoryview(records.tobytes()), len(channels)
         starts, ends = (
@@ -196,8 +194,7 @@ class McapWriter:
         first = 0
         while first < n * each:
             chunk, begin = self._chunk, int(starts[first])
-            room = self._chunk_size - len(chunk.data)
-            over = int(np.searchsorted(ends, begin + room, side="right"))
+            over = int(np.searchsorted(ends, begin + self.room, side="right"))
             stop = min(over + 1, n * each)
             entries[first:stop, 1] += len(chunk.data) - begin
             for i in range(first, min(first + each, stop)):
@@ -207,7 +204,18 @@ class McapWriter:
             if stop > over:
                 self._end_chunk()
             first = stop
-        return self._chunk is not begun
+
+    def _note(self, channels: Sequence[int], count: int, first: int, last: int) -> None:
+        """Count `count` messages on each channel, with log times from `first` to `last` [ns]."""
+        for channel in channels:
+            self.counts[channel] = self.counts.get(channel, 0) + count
+        begin, end = self.span or (first, last)
+        self.span = min(first, begin), max(last, end)
+
+    @property
+    def room(self) -> int:
+        """Bytes that fit into the open chunk; it ends with the message beyond them."""
+        return max(0, self._chunk_size - len(self._chunk.data))
 
     @property
     def waiting(self) -> bool:
@@ -217,7 +225,7 @@ class McapWriter:
     def draft(self) -> bytes:
         """The open chunk as an uncompressed record. It starts with all schemas and channels, for
         readers of unfinished files."""
-        heads: list[McapRecord] = [*self._schemas, *self._channels]
+        heads: list[McapRecord] = [*self.schemas, *self.channels]
         data = _bytes(heads) + bytes(self._chunk.data)
         first, last = self._chunk.times()
         return _bytes([Chunk("", data, last, first, zlib.crc32(data), len(data))])
@@ -242,8 +250,8 @@ class McapWriter:
         self._sink.write(_bytes([DataEnd(0)]))
         start = self._sink.tell()
         groups: list[tuple[Opcode, Iterable[McapRecord]]] = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
+            (Opcode.SCHEMA, self.schemas),
+            (Opcode.CHANNEL, self.channels),
             (Opcode.STATISTICS, [self._statistics()]),
             (Opcode.CHUNK_INDEX, self._chunks),
             (Opcode.ATTACHMENT_INDEX, self._attachments),
@@ -283,10 +291,7 @@ class McapWriter:
             places[channel] = at + len(record) + len(indices)
             size = len(entries)
             indices += INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size) + entries
-            self._counts[channel] = self._counts.get(channel, 0) + size // ENTRY.size
         self._sink.write(bytes(indices))
-        span = self._span or (first, last)
-        self._span = min(first, span[0]), max(last, span[1])
         self._chunks.append(
             ChunkIndex(
                 chunk_length=len(record),
@@ -303,17 +308,17 @@ class McapWriter:
         self._chunk = _Chunk()
 
     def _statistics(self) -> Statistics:
-        start, end = self._span or (0, 0)
+        start, end = self.span or (0, 0)
         return Statistics(
             attachment_count=len(self._attachments),
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
+            channel_count=len(self.channels),
+            channel_message_counts=self.counts,
             chunk_count=len(self._chunks),
-            message_count=sum(self._counts.values()),
+            message_count=sum(self.counts.values()),
             message_end_time=end,
             message_start_time=start,
             metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
+            schema_count=len(self.schemas),
         )
 
 

@@ -96,6 +96,8 @@ from rb_sim.mechanics.samples import Input, SampleRow, centers_of_mass, origins,
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from rb_sim.mechanics.samples import ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
@@ -111,6 +113,18 @@ def event_message(event: ContactEvent) -> bytes:
     impulse = zip(_IMPULSE, event.impulse, strict=True)
     values = {"t": repr(event.t), **{key: repr(value) for key, value in impulse}}
     return cdr.diagnostic(stamp_of(event.t), event.contact, event.kind, values)
+
+
+def events_before(block: SampleBlock, stamps: NDArray[Any]) -> dict[int, list[ContactEvent]]:
+    """Events that come before each sample, by its index; the last sample takes also those that are
+    announced for just after it. stamps: of the samples [ns]."""
+    found: dict[int, list[ContactEvent]] = {}
+    k = 0
+    for event in block.events:
+        while k < len(stamps) - 1 and stamp_of(event.t) > stamps[k]:
+            k += 1
+        found.setdefault(k, []).append(event)
+    return found
 
 
 def read_event(data: bytes) -> tuple[float, str, str, tuple[float, ...]]:
@@ -166,14 +180,9 @@ class TopicTable:
     def messages(self, block: SampleBlock) -> Iterator[SampleMessages]:
         """Messages of each sample, and of the events before it."""
         stamps = stamps_of(block)
-        rows = self._packer.pack(block, stamps)
-        events = list(block.events)
+        rows, events = self._packer.pack(block, stamps), events_before(block, stamps)
         for k, stamp in enumerate(stamps.tolist()):
-            last = k == len(rows) - 1  # also takes events announced for just after it
-            event_messages: list[bytes] = []
-            while events and (last or stamp_of(events[0].t) <= stamp):
-                event_messages.append(event_message(events.pop(0)))
-            yield SampleMessages(stamp, rows[k], event_messages)
+            yield SampleMessages(stamp, rows[k], list(map(event_message, events.get(k, ()))))
 
     def packed(self, block: SampleBlock) -> tuple[Any, Any, list[tuple[int, int]]]:
         """Stamps [ns], shape (n,); message bytes, shape (n, size); and start and end of each
