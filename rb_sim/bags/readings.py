@@ -63,6 +63,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "geometry_msgs/msg/TwistStamped": ("header", "twist"),
     "geometry_msgs/msg/TwistWithCovarianceStamped": ("header", "twist.twist"),
     "geometry_msgs/msg/WrenchStamped": ("header", "wrench"),
+    "geometry_msgs/msg/Wrench": ("force", "torque"),
     "geometry_msgs/msg/AccelStamped": ("header", "accel"),
     "geometry_msgs/msg/TransformStamped": ("header", "child_frame_id", "transform"),
     "nav_msgs/msg/Odometry": ("header", "child_frame_id", "pose.pose", "twist.twist"),
@@ -212,6 +213,7 @@ LAYOUTS: dict[str, str] = {
     "geometry_msgs/msg/TwistStamped": "T S 6",
     "geometry_msgs/msg/TwistWithCovarianceStamped": "T S 6 _36",
     "geometry_msgs/msg/WrenchStamped": "T S 6",
+    "geometry_msgs/msg/Wrench": "6",
     "geometry_msgs/msg/AccelStamped": "T S 6",
     "geometry_msgs/msg/TransformStamped": "T S S 7",
     "nav_msgs/msg/Odometry": "T S S 7 _36 6 _36",
@@ -333,14 +335,20 @@ class Clocks:
         )
 
 
-# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times.
+# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times, and
+# stamps that nobody has set.
 #
-# Within each second such stamps advance 1000 or 1e6 times more slowly than the log times.
+# Within each second the former advance 1000 or 1e6 times more slowly than the log times; the latter
+# are all zero.
 
 
 NANO = 1_000_000_000
 UNITS = {1_000: "microseconds", 1_000_000: "milliseconds"}
 """Nanoseconds per unit that `nanosec` may hold."""
+UNSET = 0
+"""In place of a unit: the stamps are not set."""
+UNSET_STAMPS = "its stamps are zero: times of the log are taken"
+"""What is said of them."""
 LEAST = 8
 """Minimum number of readings of a source for a decision."""
 NEAR = 4.0
@@ -348,7 +356,8 @@ NEAR = 4.0
 
 
 class Fractions:
-    """Rescales stamps to nanoseconds; `notes` names the sources with another unit."""
+    """Rescales stamps to nanoseconds, and replaces stamps that are all zero by the log times;
+    `notes` names the sources concerned."""
 
     def __init__(self) -> None:
         self._factor: dict[str, int] = {}
@@ -363,10 +372,12 @@ class Fractions:
         for source, parts in known.items():
             stamp, log = (np.concatenate([getattr(p, name) for p in parts])
                           for name in ("stamp", "log"))  # fmt: skip
-            if len(stamp) < LEAST:
+            if len(stamp) < LEAST or is_static(source):
                 continue
             self._factor[source] = factor = _factor(stamp, log)
-            if factor > 1:
+            if factor == UNSET:
+                self.notes.append(f"{source}: {UNSET_STAMPS}")
+            elif factor > 1:
                 self.notes.append(f"{source}: nanosec of its stamps holds {UNITS[factor]}, by the "
                                   "times of the log: taken as such")  # fmt: skip
 
@@ -376,13 +387,17 @@ class Fractions:
         factor = self._factor.get(piece.source, 1)
         if factor == 1:
             return piece
+        if factor == UNSET:
+            return piece._replace(stamp=np.round(piece.log * NANO).astype(np.int64), t=piece.log)
         whole, part = np.divmod(piece.stamp, NANO)
         stamp = whole * NANO + part * factor
         return piece._replace(stamp=stamp, t=stamp * 1e-9)
 
 
 def _factor(stamp: np.ndarray, log: np.ndarray) -> int:
-    """Nanoseconds per unit of `nanosec`: 1, or a key of UNITS."""
+    """Nanoseconds per unit of `nanosec`: 1, a key of UNITS, or UNSET if all stamps are zero."""
+    if not stamp.any():
+        return UNSET
     steps, logged = np.diff(stamp), np.diff(log)
     if not ((steps > 0).any() and (logged > 0).any()):
         return 1
@@ -404,6 +419,7 @@ KINDS = {
     "geometry_msgs/msg/TwistStamped": TWIST,
     "geometry_msgs/msg/TwistWithCovarianceStamped": TWIST,
     "geometry_msgs/msg/WrenchStamped": WRENCH,
+    "geometry_msgs/msg/Wrench": WRENCH,
     "sensor_msgs/msg/Imu": IMU,
     "std_msgs/msg/Float64": SCALAR,
 }
