@@ -335,8 +335,8 @@ class Clocks:
         )
 
 
-# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times, and
-# stamps that nobody has set.
+# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times,
+# and stamps that nobody has set.
 #
 # Within each second the former advance 1000 or 1e6 times more slowly than the log times; the latter
 # are all zero.
