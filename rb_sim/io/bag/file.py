@@ -89,9 +89,14 @@ class BagStream:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self.close()
+            raise
+        try:
             os.ftruncate(self._file, 0)
             self._keep(reserve)
         except OSError:
+            path.unlink(missing_ok=True)  # an empty file is no part of a bag
             self.close()
             raise
 
@@ -112,14 +117,18 @@ class BagStream:
             self._rewind(start)
             if error.errno not in _FULL or self.full:
                 raise
-            self.full = True
-            self._reserve.unlink(missing_ok=True)
+            self.use_reserve()
             try:
                 self._append(data)
             except OSError:
                 self._rewind(start)
                 raise
         return len(data)
+
+    def use_reserve(self) -> None:
+        """The disk is full: what is still written has the space of the reserve."""
+        self.full = True
+        self._reserve.unlink(missing_ok=True)
 
     def write_draft(self, data: bytes) -> None:
         """Write `data` at the end of the file, where the next write overwrites it.
@@ -326,8 +335,15 @@ class BagFile:
                 path.unlink()
 
     def follow(self) -> BagFile:
-        """Finish this file; returns the next one with the same topics and channel numbers."""
-        after = BagFile(*self._opened, before=(*self._before, self))
+        """Finish this file; returns the next one with the same topics and channel numbers, or this
+        one, which then uses its reserve, if the disk has no room for another."""
+        try:
+            after = BagFile(*self._opened, before=(*self._before, self))
+        except OSError as error:
+            if error.errno not in _FULL:
+                raise
+            self.stream.use_reserve()
+            return self
         try:
             schemas = {number: schema for (_, schema), number in self._schemas.items()}
             for number, channel in self._channels.items():
