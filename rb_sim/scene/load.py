@@ -173,10 +173,10 @@ def _all(names: list[str]) -> str:
 
 def _upwards(key: str, effect: Any, scene: Scene) -> Iterator[str]:
     """Warn of a weight that pulls away from every plane of the world that bodies touch."""
-    surfaces = [
-        spec.surface
+    surfaces: list[Any] = [
+        getattr(spec, "surface", None)
         for spec in scene.constraints.values()
-        if spec.type == "contact" and getattr(spec, "parent", None) is None
+        if getattr(spec, "parent", None) is None
     ]
     planes = [np.array(of.normal) for of in surfaces if getattr(of, "type", "") == "plane"]
     if effect.type == "gravity" and planes:
@@ -192,7 +192,8 @@ def _upwards(key: str, effect: Any, scene: Scene) -> Iterator[str]:
 def _steep(key: str, spec: Any) -> Iterator[str]:
     """Warn of a coefficient of friction that is likely an angle in degrees."""
     law = getattr(spec, "friction", None)
-    for name in {"coulomb": ["static"], "regularised": ["coefficient"]}.get(law and law.type, []):
+    name = {"coulomb": "static", "regularised": "coefficient"}.get(getattr(law, "type", ""))
+    if name is not None:
         ratio = getattr(law, name)
         if ratio >= STEEPEST:
             angle = f"{ratio:g} degrees: {math.tan(math.radians(ratio)):.3g}; " * (ratio < 90.0)
