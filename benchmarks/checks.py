@@ -40,7 +40,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import many_body_scenes
-from rb_sim import Simulation, load_scene
+from rb_sim import Simulation, load_scene, scenes
 from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.load import as_run_text
@@ -145,12 +145,34 @@ def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, flo
     return whole, share, imports
 
 
+def shipped(runs: int) -> None:
+    """Print what the runs of all shipped scenes take together, without checks and with them."""
+    simulations = [Simulation(scene.name, announce=None) for scene in scenes()]
+    ways: dict[str, dict[str, Any]] = {
+        "run(watched=False)": {"watched": False}, "run(check=False)": {"check": False}, "run()": {},
+    }  # fmt: skip
+    for way, given in ways.items():
+        taken = []
+        for _ in range(runs + 1):  # the first compiles
+            for simulation in simulations:
+                simulation.reset()
+            began = time.process_time()
+            for simulation in simulations:
+                simulation.run(**given)
+            taken.append(time.process_time() - began)
+        print(f"{len(simulations)} shipped scenes, {way:18} {min(taken[1:]):6.2f} s", flush=True)
+
+
 def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--runs", type=int, default=3, help="pairs of runs")
     options.add_argument("--seconds", type=float, default=1.0, help="CPU time of a long run")
     options.add_argument("--only", help="a word of the scene's name")
+    options.add_argument("--shipped", action="store_true", help="all shipped scenes together")
     given = options.parse_args()
+    if given.shipped:
+        shipped(given.runs)
+        return 0
     heads = ("simulated", "bare [ms]", "pairs", "inside", "command [ms]", "of that", "imports [ms]")
     print(f"{'scene':31} {'method':8} " + " ".join(f"{head:>12}" for head in heads))
     for name, settings in CASES:

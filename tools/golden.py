@@ -371,7 +371,7 @@ PARTS: dict[str, tuple[Callable[[str], list[Line]], Callable[[], list[str]]]] = 
 def made(part: str, workers: int) -> Iterator[list[Line]]:
     """The lines of a part, job by job; each job in a process of its own."""
     make, jobs = PARTS[part]
-    os.environ["RB_SIM_DRAFT"] = "1"  # laws compile in a fifth of the time
+    os.environ["RB_SIM_DRAFT"] = "1"  # laws compile faster
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with get_context("spawn").Pool(workers, maxtasksperchild=4) as pool:
         yield from pool.imap(make, jobs())

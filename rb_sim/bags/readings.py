@@ -86,6 +86,7 @@ READ = {
         TWIST, "T S 6 _36", ("header", "twist.twist")
     ),
     "geometry_msgs/msg/WrenchStamped": _Read(WRENCH, "T S 6", ("header", "wrench")),
+    "geometry_msgs/msg/Wrench": _Read(WRENCH, "6", ("force", "torque")),
     "sensor_msgs/msg/Imu": _Read(
         IMU,
         "T S 4 _9 3 _9 3 _9",
@@ -338,14 +339,20 @@ class Clocks:
         )
 
 
-# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times.
+# Detect stamps whose `nanosec` holds microseconds or milliseconds, by comparison with log times,
+# and stamps that nobody has set.
 #
-# Within each second such stamps advance 1000 or 1e6 times more slowly than the log times.
+# Within each second the former advance 1000 or 1e6 times more slowly than the log times; the latter
+# are all zero.
 
 
 NANO = 1_000_000_000
 UNITS = {1_000: "microseconds", 1_000_000: "milliseconds"}
 """Nanoseconds per unit that `nanosec` may hold."""
+UNSET = 0
+"""In place of a unit: the stamps are not set."""
+UNSET_STAMPS = "its stamps are zero: times of the log are taken"
+"""What is said of them."""
 LEAST = 8
 """Minimum number of readings of a source for a decision."""
 NEAR = 4.0
@@ -353,7 +360,8 @@ NEAR = 4.0
 
 
 class Fractions:
-    """Rescales stamps to nanoseconds; `notes` names the sources with another unit."""
+    """Rescales stamps to nanoseconds, and replaces stamps that are all zero by the log times;
+    `notes` names the sources concerned."""
 
     def __init__(self) -> None:
         self._factor: dict[str, int] = {}
@@ -368,10 +376,12 @@ class Fractions:
         for source, parts in known.items():
             stamp, log = (np.concatenate([getattr(p, name) for p in parts])
                           for name in ("stamp", "log"))  # fmt: skip
-            if len(stamp) < LEAST:
+            if len(stamp) < LEAST or is_static(source):
                 continue
             self._factor[source] = factor = _factor(stamp, log)
-            if factor > 1:
+            if factor == UNSET:
+                self.notes.append(f"{source}: {UNSET_STAMPS}")
+            elif factor > 1:
                 self.notes.append(f"{source}: nanosec of its stamps holds {UNITS[factor]}, by the "
                                   "times of the log: taken as such")  # fmt: skip
 
@@ -381,13 +391,17 @@ class Fractions:
         factor = self._factor.get(piece.source, 1)
         if factor == 1:
             return piece
+        if factor == UNSET:
+            return piece._replace(stamp=np.round(piece.log * NANO).astype(np.int64), t=piece.log)
         whole, part = np.divmod(piece.stamp, NANO)
         stamp = whole * NANO + part * factor
         return piece._replace(stamp=stamp, t=stamp * 1e-9)
 
 
 def _factor(stamp: np.ndarray, log: np.ndarray) -> int:
-    """Nanoseconds per unit of `nanosec`: 1, or a key of UNITS."""
+    """Nanoseconds per unit of `nanosec`: 1, a key of UNITS, or UNSET if all stamps are zero."""
+    if not stamp.any():
+        return UNSET
     steps, logged = np.diff(stamp), np.diff(log)
     if not ((steps > 0).any() and (logged > 0).any()):
         return 1

@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.bags.info import forward, joined
-from rb_sim.bags.readings import Readings
+from rb_sim.bags.readings import UNSET_STAMPS, Readings
 from rb_sim.bags.transforms import POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
 from rb_sim.base.errors import RbSimError, SinkError
-from rb_sim.base.names import MOST_NAMED, ros_name
+from rb_sim.base.names import MOST_NAMED, first_few, ros_name
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.bag.batches import unpacked
 from rb_sim.io.bag.folder import bag_paths, scan_of
@@ -60,10 +60,11 @@ class Poses(NamedTuple):
 
 
 def joint_poses(bag: Path, scene: Scene) -> tuple[dict[str, Poses], str]:
-    """Poses of bodies determined by joint states, and a line if these match no joint.
+    """Poses of bodies determined by joint states, and a line if these match no joint or have no
+    stamps.
 
     ({}, "") for a bag without joint states."""
-    found = _positions(bag)
+    found, line = _positions(bag)
     above = joints_above(scene)
     joints = {ros_name(name): name for name, spec in above.values() if spec.type != "weld"}
     mine = {joints.get(name, name): series for name, series in found.items()}
@@ -78,12 +79,13 @@ def joint_poses(bag: Path, scene: Scene) -> tuple[dict[str, Poses], str]:
         rooted = not chain or chain[0][1].type == "weld" or chain[0][0] in names
         if rooted and wanted and names.issuperset(wanted):
             poses[body] = _placed(body, chain, mine, scene)
-    return {body: placed for body, placed in poses.items() if len(placed.t)}, ""
+    return {body: placed for body, placed in poses.items() if len(placed.t)}, line
 
 
-def _positions(bag: Path) -> dict[str, tuple[Array, Array]]:
-    """Times [s] and positions of each joint, by its name in the bag."""
-    rows: dict[str, list[tuple[float, float]]] = {}
+def _positions(bag: Path) -> tuple[dict[str, tuple[Array, Array]], str]:
+    """Times [s] and positions of each joint, by its name in the bag, and a line if the times are
+    those of the log because the stamps are zero."""
+    rows: dict[str, list[tuple[float, float, float]]] = {}
     for path in bag_paths(Path(bag)):
         scan = scan_of(path)
         for batch in scan.batches():
@@ -97,14 +99,19 @@ def _positions(bag: Path) -> dict[str, tuple[Array, Array]]:
                         stamp, names, position = cdr.read_joint_state(whole.data(k))
                     except ValueError:  # damaged message: skip it
                         continue
+                    log = float(whole.log_time[k])
                     for name, value in zip(names, position, strict=False):
-                        rows.setdefault(name, []).append((stamp * 1e-9, value))
-    series = {}
-    for name, pairs in rows.items():
-        t, value = np.array(pairs).T
+                        rows.setdefault(name, []).append((stamp * 1e-9, log * 1e-9, value))
+    series, unset = {}, []
+    for name, found in rows.items():
+        t, log, value = np.array(found).T
+        if len(t) > 1 and not t.any():
+            t = log
+            unset.append(name)
         kept = forward(t) & np.isfinite(value)
         series[name] = t[kept], value[kept]
-    return series
+    names = first_few(unset)
+    return series, f"joint states of {names}: {UNSET_STAMPS}" if unset else ""
 
 
 def _chain(body: str, above: Mapping[str, tuple[str, Any]]) -> list[tuple[str, Any]]:
@@ -370,6 +377,8 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     of_joints = {body: Track(t, p, q) for body, (t, p, q) in placed.items() if body not in named}
     if not (bodies or of_joints):
         none = "no pose in it (PoseStamped, Odometry or TF)"
+        others = sorted(set(readings.other_topics.values()))
+        none += f"; other types in it: {first_few(others)}" if others else ""
         none = f"{none}, and {unmatched}" if unmatched else none
         why = "; ".join([none, *readings.notes[:MOST_NAMED]])
         raise SinkError(f"{bag}: {why}")

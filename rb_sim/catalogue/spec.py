@@ -20,6 +20,7 @@ world, B the body that a kind names, A its parent (the world if there is none).
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -156,11 +157,24 @@ def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
     if not isinstance(value, Mapping):
         if isinstance(value, tuple(registry.values())):
             return value
-        raise refuse(f"a mapping {{type: NAME}}; NAME is {one_of(value, registry)}")
+        such = _example(registry, value)
+        raise refuse(f"a mapping {{type: NAME}}{such}; NAME is {one_of(value, registry)}")
     kind = value.get("type")
     if not isinstance(kind, str) or kind not in registry:
         raise refuse_at((("type",), kind, refuse(one_of(kind, registry))))
     return registry[kind].model_validate(value)
+
+
+def _example(registry: Mapping[str, type[Spec]], value: Any) -> str:
+    """How a number is given to the first class that needs no more than one; else ""."""
+    for name, kind in registry.items():
+        needed = [key for key, about in kind.model_fields.items() if about.is_required()]
+        needed = [key for key in needed if key != "type"]
+        if len(needed) == 1 and isinstance(value, (int, float)):
+            with contextlib.suppress(ValidationError):
+                kind.model_validate({"type": name, needed[0]: value})
+                return f" as {{type: {name}, {needed[0]}: {value:g}}}"
+    return ""
 
 
 def _normalised(vector: tuple[float, ...], what: str) -> tuple[float, ...]:

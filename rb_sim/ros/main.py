@@ -118,9 +118,12 @@ def _run(ros_arguments: list[str], options: dict[str, Any], stop: Interruption) 
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
+    from rb_sim.ros.parameters import warn_of_other_nodes
+
     try:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
         node, managed = _make_node(options)
+        warn_of_other_nodes(node, ros_arguments)
     except RbSimError:
         raise
     except Exception as error:  # rclpy's own error types share no base class

@@ -11,11 +11,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
+import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult as Result
 from rclpy.node import Node
@@ -261,6 +265,40 @@ def warn_of_unknown(node: Node, those: Callable[[str], bool]) -> None:
         node.get_logger().warning(
             f"unknown parameters: {', '.join(words)}; rb_sim_node --help lists all"
         )
+
+
+def warn_of_other_nodes(node: Node, arguments: Sequence[str]) -> None:
+    """Warn about parameter files and `-p NODE:NAME:=VALUE` that set nothing of this node."""
+    own = node.get_fully_qualified_name()
+    for option, value in pairwise(arguments):
+        if option in ("-p", "--param"):
+            name = value.partition(":=")[0]
+            source, named = f"-p {name}", [name.rpartition(":")[0] or "/**"]
+        elif option == "--params-file":
+            document = yaml.safe_load(Path(value).read_text(encoding="utf-8"))
+            source, named = value, list(_nodes_of(document))
+        else:
+            continue
+        if named and not any(_is_meant(own, pattern) for pattern in named):
+            node.get_logger().warning(
+                f"{source}: sets parameters of {', '.join(named)}, none of {own}"
+            )
+
+
+def _nodes_of(document: Any, above: str = "") -> Iterator[str]:
+    """Names of the nodes in a parameter file, namespaces included."""
+    for name, inner in document.items() if isinstance(document, dict) else ():
+        if name == "ros__parameters":
+            yield above
+        else:
+            yield from _nodes_of(inner, f"{above}/{str(name).strip('/')}")
+
+
+def _is_meant(node: str, pattern: str) -> bool:
+    """Whether a name with wildcards (* one part, ** any number) means the node."""
+    parts = f"/{pattern.lstrip('/')}".split("/")[1:]
+    wild = {"**": "(/[^/]+)*", "*": "/[^/]+"}
+    return re.fullmatch("".join(wild.get(p, "/" + re.escape(p)) for p in parts), node) is not None
 
 
 def _descriptor(known: Any) -> ParameterDescriptor:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rclpy.callback_groups import CallbackGroup
     from rclpy.node import Node
     from rclpy.publisher import Publisher
+    from rclpy.service import Service
     from rclpy.subscription import Subscription
 
 
@@ -102,7 +103,30 @@ def serve(node: Node, kind: Any, name: str, answer: Callable[[Any, Any], Any]) -
 
     ROS's default of ten loses the oldest if clients send more at once.
     """
-    node.create_service(kind, name, answer, qos_profile=_reliable(REQUESTS))
+    service = node.create_service(kind, name, answer, qos_profile=_reliable(REQUESTS))
+    warnings.filterwarnings("ignore", "failed to send response", RuntimeWarning)
+    service.send_response = Answers(node, service).send  # type: ignore[method-assign]
+
+
+class Answers:
+    """Sends the answers of a service, not those to clients that have gone.
+
+    For a client that it does not know (yet) rmw waits 0.1 s, with the lock of the interpreter. A
+    client that ends with a thousand requests under way would thus hold up all samples for minutes.
+    """
+
+    def __init__(self, node: Node, service: Service) -> None:
+        self._node, self._service, self._send = node, service, service.send_response
+        self._waited = 0
+        """time until which an answer has waited in vain [ns of the system clock]."""
+
+    def send(self, answer: Any, header: Any) -> None:
+        """Send an answer, unless all clients have gone since its request came."""
+        if self._node.count_clients(self._service.srv_name):
+            self._send(answer, header)
+        elif not 0 < getattr(header, "received_timestamp", 0) <= self._waited:
+            self._send(answer, header)
+            self._waited = time.time_ns()
 
 
 def _reliable(depth: int, *, latched: bool = False) -> QoSProfile:

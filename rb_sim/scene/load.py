@@ -54,6 +54,16 @@ LIGHTEST = 3e-5
 ANGLES = {"phase", "rest_angle"}
 """Keys of effects that hold an angle [rad]."""
 
+STRENGTHS = {
+    "acceleration", "coefficient", "damping", "force", "sine_force", "sine_torque", "stiffness",
+    "torque",
+}  # fmt: skip
+"""Keys of effects to which their forces are proportional, or which are the forces."""
+
+STEEPEST = 10.0
+"""Coefficient of friction above which an angle in degrees is likelier: tan of 84 degrees; rubber on
+rough ground has up to 4."""
+
 FAR_FROM_UNIT = 1e-2
 """Deviation of a quaternion's length from 1 that rounding to two digits does not explain."""
 
@@ -69,14 +79,18 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         elif isinstance(written, Mapping):
             yield from _angle(f"bodies.{name}.orientation.angle", written.get("angle"))
         yield from _density(name, scene.bodies[name])
+        yield from _spread(name, scene.bodies[name])
     for part in ("effects", "loads"):
         for name, given in (data.get(part) or {}).items():
             for key in ANGLES & given.keys() if isinstance(given, Mapping) else ():
                 yield from _angle(f"{part}.{name}.{key}", given[key])
     for name, effect in scene.effects.items():
         yield from _silent_wave(f"effects.{name}.angular_frequency", effect)
+        yield from _idle(f"effects.{name}", effect)
+        yield from _upwards(f"effects.{name}.acceleration", effect, scene)
     for name, spec in scene.constraints.items():
         yield from _plane(f"constraints.{name}.surface", spec, scene)
+        yield from _steep(f"constraints.{name}.friction", spec)
     if scene.at_rest:
         return
     called = {name: ros_name(name) for name in (*scene.bodies, *scene.constraints)}
@@ -120,7 +134,8 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
 def _density(name: str, body: Body) -> Iterator[str]:
     """Warn of a mass that no solid has within the radius of the body's shape."""
     reach = 0.0 if body.shape is None else body.shape.reach
-    density = body.mass / (4.0 / 3.0 * math.pi * reach**3) if reach > 0.0 else 1.0
+    known = reach > 0.0 and body.mass > 0.0  # bodies at rest may be without a mass
+    density = body.mass / (4.0 / 3.0 * math.pi * reach**3) if known else 1.0
     about = f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is"
     if density > DENSEST:
         yield (
@@ -129,6 +144,63 @@ def _density(name: str, body: Body) -> Iterator[str]:
         )
     if density < LIGHTEST:
         yield f"{about} lighter than any solid; lengths are in m (from mm: {1e-3 * reach:.3g})"
+
+
+def _spread(name: str, body: Body) -> Iterator[str]:
+    """Warn of an inertia that no mass within the body's shape has."""
+    if body.shape is None or body.given_inertia is None:
+        return
+    reach = body.shape.reach + math.dist(body.shape.center_B, body.center_of_mass)
+    most = float(np.linalg.eigvalsh(np.array(body.inertia)).max())
+    if most > body.mass * reach**2:
+        yield (
+            f"bodies.{name}.inertia: {most:g} kg m^2 is more than {body.mass:g} kg within a radius "
+            f"of {reach:.3g} m can have ({body.mass * reach**2:.3g}); leave it out for that of the "
+            "shape with uniform density"
+        )
+
+
+def _idle(key: str, effect: Any) -> Iterator[str]:
+    """Warn of an effect all of whose strengths are zero."""
+    strengths = [name for name in type(effect).model_fields if name in STRENGTHS]
+    if strengths and not any(map(np.any, (getattr(effect, name) for name in strengths))):
+        yield f"{key}: does nothing: {', '.join(strengths)} {_all(strengths)} zero"
+
+
+def _all(names: list[str]) -> str:
+    return "are all" if len(names) > 1 else "is"
+
+
+def _upwards(key: str, effect: Any, scene: Scene) -> Iterator[str]:
+    """Warn of a weight that pulls away from every plane of the world that bodies touch."""
+    surfaces: list[Any] = [
+        getattr(spec, "surface", None)
+        for spec in scene.constraints.values()
+        if getattr(spec, "parent", None) is None
+    ]
+    planes = [np.array(of.normal) for of in surfaces if getattr(of, "type", "") == "plane"]
+    if effect.type == "gravity" and planes:
+        g = np.array(effect.acceleration)
+        if all(normal @ g > 0.0 for normal in planes):
+            down = render([-x + 0.0 for x in effect.acceleration])
+            yield (
+                f"{key}: {render(list(effect.acceleration))} points out of the planes of all "
+                f"contacts, so that nothing rests on them; a weight is {down}"
+            )
+
+
+def _steep(key: str, spec: Any) -> Iterator[str]:
+    """Warn of a coefficient of friction that is likely an angle in degrees."""
+    law = getattr(spec, "friction", None)
+    name = {"coulomb": "static", "regularised": "coefficient"}.get(getattr(law, "type", ""))
+    if name is not None:
+        ratio = getattr(law, name)
+        if ratio >= STEEPEST:
+            angle = f"{ratio:g} degrees: {math.tan(math.radians(ratio)):.3g}; " * (ratio < 90.0)
+            yield (
+                f"{key}.{name}: {ratio:g} is a ratio of forces, above that of any surface "
+                f"({angle}no slip at all: {{type: rough}})"
+            )
 
 
 def _silent_wave(key: str, effect: Any) -> Iterator[str]:

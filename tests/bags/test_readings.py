@@ -159,6 +159,29 @@ def test_the_unit_of_nanosec_is_recognised_by_the_times_of_the_log(tmp_path, uni
     assert rates["rate"] == pytest.approx(rate, rel=1e-6) and rates["gaps"] == 0
 
 
+def test_stamps_that_nobody_has_set_are_the_times_of_the_log(tmp_path):
+    t = 0.25 + np.arange(100) / 50.0
+    position, q = foreign.swing(100, 50.0)[1:]
+
+    def pose(k, p, attitude):
+        return foreign.pose_stamped(-foreign.EPOCH, p, attitude)
+
+    found = tracks_of_bag(foreign.write(tmp_path / "bag", pose, t, position, q))
+    np.testing.assert_allclose(found.bodies["/body"].t - foreign.EPOCH, t, atol=1e-6)
+    assert found.notes == ["/body: its stamps are zero: times of the log are taken"]
+
+
+def test_a_simulation_that_begins_at_zero_keeps_its_stamps(tmp_path):
+    t = np.arange(100) / 50.0
+
+    def pose(k, p, attitude):
+        return foreign.pose_stamped(k - foreign.EPOCH, p, attitude)
+
+    found = tracks_of_bag(foreign.write(tmp_path / "bag", pose, t, *foreign.swing(100, 50.0)[1:]))
+    np.testing.assert_allclose(found.bodies["/body"].t, t, atol=1e-9)
+    assert found.notes == []
+
+
 def test_messages_at_whole_seconds_are_what_they_say(tmp_path):
     """Their `nanosec` is 0, in every unit."""
     bag, t = written(tmp_path / "bag", 1, 1.0, 20)

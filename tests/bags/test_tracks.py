@@ -184,8 +184,29 @@ def test_one_line_says_that_none_is_of_the_scene(bags, tmp_path):
 
 
 def test_without_a_scene_they_are_no_poses(bags):
-    with pytest.raises(SinkError, match="no pose in it"):
+    """The line says what there is instead."""
+    with pytest.raises(SinkError, match="no pose in it .*; other types in it: sensor_msgs/msg/Jo"):
         tracks_of_bag(bags[2])
+
+
+def test_joint_states_without_stamps_have_the_times_of_the_log(bags, tmp_path):
+    path, ours, theirs = bags
+    kind = "sensor_msgs/msg/JointState"
+    with (
+        AnyReader([theirs], default_typestore=foreign.STORE) as reader,
+        Writer(tmp_path / "unset", version=9, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        there = writer.add_connection("/joint_states", kind, typestore=foreign.STORE)
+        for _, time, data in reader.messages():
+            message = foreign.STORE.deserialize_cdr(data, kind)
+            message.header.stamp.sec = message.header.stamp.nanosec = 0
+            writer.write(there, time, foreign.STORE.serialize_cdr(message, kind))
+    mine, found = tracks_of_bag(ours), tracks_of_bag(tmp_path / "unset", load_scene(path))
+    arm = found.bodies["arm"]
+    np.testing.assert_allclose(arm.t, mine.bodies["arm"].t, atol=1e-9)
+    np.testing.assert_allclose(arm.position, mine.bodies["arm"].position, atol=1e-8)
+    (line,) = found.notes
+    assert line.endswith("its stamps are zero: times of the log are taken")
 
 
 def test_replay_draws_them_with_a_scene(bags, tmp_path):

@@ -131,6 +131,14 @@ def test_a_fit_finds_the_mass_from_the_wrenches_that_were_recorded(tmp_path):
     assert lost.undetermined == ["bodies.cart.mass"]
 
 
+def test_wrenches_without_a_header_act_at_the_time_of_the_log(tmp_path):
+    """In world axes, on the body that the topic names."""
+    kind = "geometry_msgs/msg/Wrench"
+    bare = [(t, topic, kind, message.wrench) for t, topic, _, message in pushes()]
+    found = compare(write(tmp_path / "bag", poses(), bare), scene(tmp_path))
+    assert largest(found) < 5 * STAMP  # `write` rounds the times of the log as well
+
+
 def test_a_command_in_the_axes_of_the_body_turns_with_it(tmp_path):
     """A force along its own x, and a moment about its z, which makes it spin faster."""
     scene_of_body = scene(tmp_path)

@@ -39,7 +39,8 @@ from rb_sim.scene.load import load_scene
 from rb_sim.io.bag.bag_sink import BagSink
 scene = load_scene({"bodies": {"ball": {"mass": 1, "inertia": [1, 1, 1]}}})
 layout = SampleLayout(("ball",), (), (), ())
-sink = BagSink(Path(sys.argv[1]), start_ns=0)
+split = int(sys.argv[2]) if len(sys.argv) > 2 else None
+sink = BagSink(Path(sys.argv[1]), start_ns=0, split_size=split)
 sink.open(scene, layout)
 block = empty_block(10, layout)
 block.orientation[..., 3] = 1.0
@@ -149,11 +150,12 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
-def test_full_disk_leaves_a_complete_bag(small_disk):
-    """The reserve pays for the last chunk and the index."""
+@pytest.mark.parametrize("split", [[], ["100000"]])
+def test_full_disk_leaves_a_complete_bag(small_disk, split):
+    """The reserve pays for the last chunk and the index, also where another file has no room."""
     bag = small_disk / "bag"
     done = subprocess.run(
-        [sys.executable, "-c", RECORD_FOREVER, str(bag)], capture_output=True, text=True
+        [sys.executable, "-c", RECORD_FOREVER, str(bag), *split], capture_output=True, text=True
     )
     *_, last = done.stderr.strip().splitlines()
     assert f"SinkError: {bag}: disk full; the bag ends at t = " in last

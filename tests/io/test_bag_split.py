@@ -86,6 +86,16 @@ def test_recover_reads_what_is_left_of_a_bag_without_one_of_its_files(record):
     assert poses(result.directory) == all_poses[:50] + all_poses[100:]
 
 
+def test_an_empty_file_behind_the_last_one_is_no_part_of_the_bag(record):
+    """As a process leaves it that is killed when it begins another file."""
+    bag = record(n=200, split_duration=0.5)
+    all_poses = poses(bag)
+    (bag / "metadata.yaml").unlink()
+    (bag / "bag_4.mcap").touch()
+    assert BagReader(bag).unlisted == [f"{bag / 'bag_4.mcap'} is empty"]
+    assert poses(recover_bag(bag).directory) == all_poses
+
+
 def test_refusals():
     with pytest.raises(RbSimError, match="^--split-size: got 1; must be at least 100000 bytes$"):
         splitting(RunOptions("top", split_size=1))

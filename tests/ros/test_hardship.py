@@ -22,7 +22,9 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rcl_interfaces.msg import Log
+from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from benchmarks.node_soak import FAST, soak
@@ -122,6 +124,24 @@ def test_a_node_that_was_held_up_catches_up_without_a_burst(sphere, start, clien
     gaps = np.diff(sent)
     assert np.count_nonzero(gaps > 0.19) >= 4, "it was held up"
     assert np.min(np.array(sent[10:]) - sent[:-10]) > 0.02
+
+
+def test_a_client_that_goes_with_requests_under_way_holds_up_nobody(
+    sphere, start, context, client: Client
+):
+    """DDS waits 0.1 s for each client that it does not find: 30 s for these."""
+    node = start(sphere)
+    clocks = client.listen(Clock, "/clock")
+    gone = Client(context)
+    service = gone.node.create_client(Trigger, f"{NAME}/reset", qos_profile=QoSProfile(depth=1000))
+    gone.until(service.service_is_ready, "the service")
+    asked = [service.call_async(Trigger.Request()) for _ in range(300)]
+    gone.until(lambda: any(future.done() for future in asked), "an answer")
+    gone.close()
+    clocks.clear()
+    client.until(lambda: len(clocks) > 350, "samples", timeout=15.0)
+    assert client.trigger("reset").success
+    assert "failed to send" not in node.text
 
 
 def test_a_long_run_keeps_its_memory_and_every_sample():

@@ -144,6 +144,28 @@ def test_changes_while_running(sphere, start, client: Client):
     assert node.process.poll() is None
 
 
+def test_parameters_of_other_nodes_alone_are_told(sphere, start, tmp_path: Path):
+    """A file whose limits are of a node of another name limits nothing."""
+    files = {
+        "robot": {"/robot": {"ros__parameters": {"max_force": 5.0}}},
+        "inner": {"lab": {"rb_sim": {"ros__parameters": {"max_force": 5.0}}}},
+        "ours": {"/robot": {"ros__parameters": {}}, "rb_sim": {"ros__parameters": {"rate": 250}}},
+        "all": {"/**": {"ros__parameters": {"duration": 0.1}}},
+    }
+    ros: list[str] = ["-p", "rbsim:max_torque:=1.0", "-p", "rb_sim:method:=rk4"]
+    ros += ["-p", "rb_sim:step:=0.001"]
+    for name, content in files.items():
+        (tmp_path / name).write_text(json.dumps(content))
+        ros += ["--params-file", str(tmp_path / name)]
+    node = start(sphere, ros=tuple(ros))
+    assert node.wait() == 0
+    assert f"{tmp_path / 'robot'}: sets parameters of /robot, none of /rb_sim" in node.text
+    assert f"{tmp_path / 'inner'}: sets parameters of /lab/rb_sim, none of /rb_sim" in node.text
+    assert "-p rbsim:max_torque: sets parameters of rbsim, none of /rb_sim" in node.text
+    assert node.text.count("sets parameters of") == 3
+    assert "250 samples per second" in node.text
+
+
 def test_parameters_that_the_node_does_not_have_are_named_in_one_line(sphere, start):
     """A safety limit that is misspelt limits nothing; those that it has go before the scene's."""
     node = start(

@@ -17,7 +17,9 @@ from typing import Any
 
 import pytest
 
-from rb_sim import SceneError, SceneWarning, load_scene
+from rb_sim import SceneError, SceneWarning, load_scene, scenes
+from rb_sim.scene.listing import shipped_statics
+from rb_sim.statics import load_statics
 
 WEIGHT = {"weight": {"type": "gravity"}}
 
@@ -183,6 +185,81 @@ def test_a_support_with_a_shape_that_is_not_named_gets_one_line():
     (line,) = heard()
     assert line.startswith("<scene>: constraints.c.surface: not given") and "'a'" in line
     assert heard(surface={"type": "shape"}) == heard(surface={"type": "plane"}) == []
+
+
+def test_an_inertia_beyond_that_of_the_mass_at_the_rim_of_the_shape_gets_one_line():
+    """In g cm^2, or with a factor too many; a ring has the largest that a shape allows."""
+    (line,) = lines({"bodies": {"a": BALL | {"inertia": [0.9, 0.9, 1.3]}}, "effects": WEIGHT})
+    assert line.startswith("<scene>: bodies.a.inertia: 1.3 kg m^2 is more than 0.5 kg within")
+    assert "(0.00125)" in line
+    ring = BALL | {"inertia": [0.5 * 0.00125, 0.5 * 0.00125, 0.00125]}
+    aside = BALL | {"inertia": [0.001, 0.005, 0.005], "center_of_mass": [0.05, 0, 0]}
+    assert lines({"bodies": {"a": ring, "b": aside}, "effects": WEIGHT}) == []
+
+
+@pytest.mark.parametrize(
+    ("law", "keys"),
+    [
+        ({"type": "wrench", "body": "a"}, "force, torque, sine_force, sine_torque are all zero"),
+        ({"type": "wrench", "body": "a", "torque": [0, 0, 0]}, "are all zero"),
+        ({"type": "spring", "body": "a", "rest_length": 0.3}, "stiffness, damping are all zero"),
+        ({"type": "gravity", "acceleration": [0, 0, 0]}, "acceleration is zero"),
+    ],
+)
+def test_an_effect_without_a_strength_gets_one_line(law, keys):
+    (line,) = lines(scene([0, 0, 0, 1], effects=WEIGHT | {"e": law}))
+    assert line.startswith("<scene>: effects.e: does nothing: ") and line.endswith(keys)
+    command = {"type": "commanded_wrench", "body": "a"}
+    damper = {"type": "spring", "body": "a", "damping": 1.0}
+    assert lines(scene([0, 0, 0, 1], effects={"c": command, "d": damper})) == []
+
+
+def touching(**given: Any) -> dict[str, Any]:
+    floor = {"type": "contact", "body": "a", "surface": {"type": "plane"}} | given
+    ball = BALL | {"position": [0, 0, 0.05]}
+    return {"bodies": {"a": ball}, "effects": WEIGHT, "constraints": {"floor": floor}}
+
+
+def test_a_weight_out_of_the_floor_gets_one_line():
+    """Not where there is nothing to rest on: z may point down there."""
+    up = {"effects": {"weight": {"type": "gravity", "acceleration": [0, 0, 9.81]}}}
+    (line,) = lines(touching() | up)
+    assert "effects.weight.acceleration: [0.0, 0.0, 9.81] points out of the planes" in line
+    assert lines(scene([0, 0, 0, 1]) | up) == lines(touching()) == []
+    ceiling = {"type": "plane", "point": [0, 0, 0.1], "normal": [0, 0, -1]}
+    assert lines(touching(surface=ceiling) | up) == []
+    both = touching() | up
+    both["constraints"] |= {"above": touching(surface=ceiling)["constraints"]["floor"]}
+    assert lines(both) == []
+
+
+def test_a_friction_in_degrees_gets_one_line():
+    def heard(**law: Any) -> list[str]:
+        return lines(touching(friction=law))
+
+    (line,) = heard(type="coulomb", static=30)
+    assert "constraints.floor.friction.static: 30 is a ratio of forces" in line
+    assert "(30 degrees: 0.577; no slip at all: {type: rough})" in line
+    (line,) = heard(type="regularised", coefficient=1e3, speed=0.1)
+    assert "friction.coefficient: 1000 is a ratio" in line and "degrees" not in line
+    assert heard(type="coulomb", static=4.0) == heard(type="viscous", coefficient=30.0) == []
+
+
+def test_a_coefficient_alone_is_refused_with_the_mapping_that_has_it():
+    text = one_error(touching(friction=0.5))
+    assert (
+        "friction: got 0.5; must be a mapping {type: NAME} as {type: coulomb, static: 0.5};" in text
+    )
+    assert " as " not in one_error(touching(friction=-0.5))
+
+
+def test_shipped_scenes_get_none():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for shipped in scenes():
+            load_scene(shipped.name)
+        for path in shipped_statics().values():
+            load_statics(path)
 
 
 @pytest.mark.parametrize("given", [[0.1, 0.2, 0.3], {"roll": 0.1, "pitch": 0.2, "yaw": 0.3}])

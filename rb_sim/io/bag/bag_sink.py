@@ -279,6 +279,8 @@ class BagSink:
         if file.stream.tell() < self._split_size and time - file.first < self._split_after:
             return file
         after = file.follow()
+        if after is file:
+            return file
         self._file = after
         self._describe(after)
         self._write_latched(after, time)

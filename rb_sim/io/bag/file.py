@@ -67,9 +67,14 @@ class BagStream:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self.close()
+            raise
+        try:
             os.ftruncate(self._file, 0)
             self._keep(reserve)
         except OSError:
+            path.unlink(missing_ok=True)  # an empty file is no part of a bag
             self.close()
             raise
 
@@ -90,14 +95,18 @@ class BagStream:
             self._rewind(start)
             if error.errno not in _FULL or self.full:
                 raise
-            self.full = True
-            self._reserve.unlink(missing_ok=True)
+            self.use_reserve()
             try:
                 self._append(data)
             except OSError:
                 self._rewind(start)
                 raise
         return len(data)
+
+    def use_reserve(self) -> None:
+        """The disk is full: what is still written has the space of the reserve."""
+        self.full = True
+        self._reserve.unlink(missing_ok=True)
 
     def write_draft(self, data: bytes) -> None:
         """Write `data` at the end of the file, where the next write overwrites it.
@@ -265,8 +274,15 @@ class BagFile(McapWriter):
                 path.unlink()
 
     def follow(self) -> BagFile:
-        """Finish this file; returns the next one with the same topics and channel numbers."""
-        after = BagFile(*self._opened, before=(*self._before, self))
+        """Finish this file; returns the next one with the same topics and channel numbers, or this
+        one, which then uses its reserve, if the disk has no room for another."""
+        try:
+            after = BagFile(*self._opened, before=(*self._before, self))
+        except OSError as error:
+            if error.errno not in _FULL:
+                raise
+            self.stream.use_reserve()
+            return self
         try:
             for channel, qos in zip(self.channels, self._qos, strict=True):
                 schema, type_hash = self.schemas[channel.schema_id - 1], _type_hash(channel)

@@ -177,7 +177,8 @@ _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def bag_paths(bag: Path) -> list[Path]:
     """The files of `bag` in order: of a directory, or the file itself.
 
-    They are those in metadata.yaml that exist (`absent` reports the others); without it all files,
+    They are those in metadata.yaml that exist (`absent` reports the others); without it all files
+    but empty ones, which a full disk or a killed process leaves behind the last one (`unlisted`),
     if their names form a series (NAME_0, NAME_1 ..., or 0_NAME_TIME, 1_NAME_TIME ... of rosbag2
     since 2026). Order: by number, else as in metadata.yaml. Raises SinkError if there is no file,
     or several bags.
@@ -191,6 +192,7 @@ def bag_paths(bag: Path) -> list[Path]:
     listed = _listed(bag / "metadata.yaml")
     there = [path for path in listed if path.exists()]
     found = there or ([] if listed else _files(bag))
+    found = [path for path in found if path.stat().st_size] or found
     if not found:
         packed = sorted(bag.glob(f"*{_COMPRESSED}"))
         if packed:
@@ -229,14 +231,16 @@ def holds_bag(folder: Path) -> bool:
 
 
 def unlisted(bag: Path) -> list[str]:
-    """Lines on files of a directory that its metadata.yaml does not list (they are not read), and
-    on listed files that do not exist."""
+    """Lines on files of a directory that its metadata.yaml does not list (they are not read), on
+    listed files that do not exist, and on empty ones."""
     if not bag.is_dir():
         return []
     named = _listed(bag / "metadata.yaml")
     listed = {os.path.normpath(path) for path in named}
-    others = sorted(p.name for p in _files(bag) if os.path.normpath(p) not in listed)
+    files = _files(bag)
+    others = sorted(p.name for p in files if os.path.normpath(p) not in listed)
     lines = absent(bag)
+    lines += [f"{path} is empty" for path in files if not path.stat().st_size]
     if listed and others:
         more = f" and {len(others) - 1} more" if len(others) > 1 else ""
         lines.append(f"{bag}: its metadata.yaml does not name {others[0]}{more}, which is not read")
