@@ -121,6 +121,11 @@ ALSO_CALLED = {
     "deg": ("angle",),
     "diameter": ("radius",),
     "half_extents": ("size",),
+    "axis": ("axis_b",),
+    "point": ("point_b",),
+    "anchor": ("point_b",),
+    "floor": ("contact", "plane"),
+    "ground": ("contact", "plane"),
     "dimensions": ("size",),
     "extents": ("size",),
     "height": ("length",),
@@ -131,6 +136,8 @@ ALSO_CALLED = {
     "timestep": ("step",),
     "t_end": ("duration",),
     "end_time": ("duration",),
+    "time": ("duration",),
+    "ode45": ("dopri853",),
     "frequency": ("rate",),
     "fps": ("rate",),
     "rtol": ("tolerance",),
@@ -141,7 +148,29 @@ ALSO_CALLED = {
     "joints": ("constraints",),
     "forces": ("effects",),
 }
-"""Names in other programs -> candidates in rb_sim; the context decides between them."""
+"""Names in other programs -> candidates in rb_sim, in lower case; the context decides between
+them."""
+
+
+_FIXED = (
+    "omitted: leave out a body that never moves (constraints without parent are to the world), or "
+    "hold it by a constraint of type weld"
+)
+_OF_CONTACT = "a key of a constraint of type contact"
+
+SAID_ELSEWHERE = {
+    "fixed": _FIXED,
+    "static": _FIXED,
+    "kinematic": _FIXED,
+    "is_static": _FIXED,
+    "friction": _OF_CONTACT,
+    "mu": _OF_CONTACT,
+    "restitution": _OF_CONTACT,
+    "collision": _OF_CONTACT,
+    "material": _OF_CONTACT,
+}
+"""Keys of other programs that have no counterpart in the mapping where they stand -> the phrase
+after "must be"."""
 
 
 MOST_NAMES = 14
@@ -175,3 +204,14 @@ def one_of(value: object, names: Iterable[str]) -> str:
     if not close:
         return f"one of {text or 'none'}"
     return {0: close, 1: f"{close} or {text}"}.get(len(listed), f"{close}, or one of {text}")
+
+
+def known_key(key: object, names: Iterable[str]) -> str:
+    """Phrase with the key that an unknown one was probably meant to be, or where it belongs."""
+    listed = list(names)
+    word = str(key).lower()
+    if word in SAID_ELSEWHERE and not set(listed).intersection(ALSO_CALLED.get(word, ())):
+        return SAID_ELSEWHERE[word]
+    if word.isdigit():
+        return "omitted (a decimal number has a point: 1.5, not 1,5)"
+    return one_of(key, listed)

@@ -41,7 +41,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from rb_sim.base.names import one_of
+from rb_sim.base.names import known_key, one_of
 from rb_sim.numerics.kernels import dispatch
 
 WHOLE_TURN = 6.2832
@@ -77,7 +77,8 @@ def refuse_at(*problems: Problem) -> ValidationError:
 
 
 def _unknown_key(key: object, known: Iterable[str]) -> PydanticCustomError:
-    return PydanticCustomError("rb_sim_key", "must be {allowed}", {"allowed": one_of(key, known)})
+    allowed = known_key(key, known)
+    return PydanticCustomError("rb_sim_key", "must be {allowed}", {"allowed": allowed})
 
 
 class Spec(BaseModel):
@@ -151,15 +152,49 @@ def body_references(entry: Spec | Mapping[str, Any]) -> Iterator[tuple[tuple[str
             yield (field,), value
 
 
-def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
-    """The spec described by the mapping `value`: its `type` names a class of `registry`."""
+_A_NAME = re.compile(r"\b(?!(?:one|of|or)\b)\w+")
+"""A name in the phrase of `one_of`."""
+
+
+def a_mapping_of(names: str, needed: Callable[[str], list[str]]) -> str:
+    """Phrase for a mapping of one of several types, each with the keys that it needs.
+
+    names: phrase of `one_of`; needed: the keys that a type needs besides `type`.
+    """
+
+    def with_keys(name: re.Match[str]) -> str:
+        keys = ", ".join(needed(name[0]))
+        return f"{name[0]} ({keys})" if keys else name[0]
+
+    return f"a mapping {{type: NAME, KEY: ...}}; NAME is {_A_NAME.sub(with_keys, names)}"
+
+
+def _needed_keys(registry: Mapping[str, type[Spec]], kind: str) -> list[str]:
+    fields = registry[kind].model_fields if kind in registry else {}
+    required = (field.alias or name for name, field in fields.items() if field.is_required())
+    return [key for key in required if key not in ("type", "body")]
+
+
+def spec_of_type(
+    registry: Mapping[str, type[Spec]],
+    value: Any,
+    other: tuple[str, Mapping[str, type[Spec]]] = ("", {}),
+) -> Spec:
+    """The spec described by the mapping `value`: its `type` names a class of `registry`.
+
+    other: section of a scene and its registry, which an error names if the type is one of those.
+    """
     if not isinstance(value, Mapping):
         if isinstance(value, tuple(registry.values())):
             return value
-        raise refuse(f"a mapping {{type: NAME}}; NAME is {one_of(value, registry)}")
+        raise refuse(a_mapping_of(one_of(value, registry), partial(_needed_keys, registry)))
     kind = value.get("type")
     if not isinstance(kind, str) or kind not in registry:
-        raise refuse_at((("type",), kind, refuse(one_of(kind, registry))))
+        section, types = other
+        there = (
+            f"listed under {section}, or here " if isinstance(kind, str) and kind in types else ""
+        )
+        raise refuse_at((("type",), kind, refuse(there + one_of(kind, registry))))
     return registry[kind].model_validate(value)
 
 
@@ -229,7 +264,7 @@ Identifier = Annotated[
 ]
 """Name that can be used in expressions: a letter, then letters, digits, underscores."""
 Vector3 = Annotated[
-    tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
+    tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers [x, y, z]", 3))
 ]
 """Three finite numbers."""
 STRONGEST = 1e100
@@ -237,7 +272,9 @@ STRONGEST = 1e100
 squares of much larger values overflow."""
 _Strength = Annotated[Finite, Ge(-STRONGEST), Le(STRONGEST)]
 Strength3 = Annotated[
-    tuple[_Strength, _Strength, _Strength], Strict(False), BeforeValidator(_listed("3 numbers", 3))
+    tuple[_Strength, _Strength, _Strength],
+    Strict(False),
+    BeforeValidator(_listed("3 numbers [x, y, z]", 3)),
 ]
 """A force, torque or acceleration: three numbers, none beyond STRONGEST."""
 State3 = Strength3
@@ -249,7 +286,7 @@ Strengths = Annotated[
 Positive3 = Annotated[
     tuple[Positive, Positive, Positive],
     Strict(False),
-    BeforeValidator(_listed("3 numbers > 0", 3)),
+    BeforeValidator(_listed("3 numbers [x, y, z] > 0", 3)),
 ]
 """Three numbers > 0."""
 UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]

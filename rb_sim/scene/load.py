@@ -74,7 +74,7 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
             for key in ANGLES & given.keys() if isinstance(given, Mapping) else ():
                 yield from _angle(f"{part}.{name}.{key}", given[key])
     for name, effect in scene.effects.items():
-        yield from _silent_wave(f"effects.{name}.angular_frequency", effect)
+        yield from _silent(f"effects.{name}", effect)
     for name, spec in scene.constraints.items():
         yield from _plane(f"constraints.{name}.surface", spec, scene)
     if scene.at_rest:
@@ -131,11 +131,21 @@ def _density(name: str, body: Body) -> Iterator[str]:
         yield f"{about} lighter than any solid; lengths are in m (from mm: {1e-3 * reach:.3g})"
 
 
-def _silent_wave(key: str, effect: Any) -> Iterator[str]:
-    """Warn of a harmonic force that is zero at all times."""
+STRENGTHS = ("stiffness", "damping", "force", "torque", "sine_force", "sine_torque")
+"""Keys of effects, all optional, of which one must be given for a force that is not zero."""
+
+
+def _silent(key: str, effect: Any) -> Iterator[str]:
+    """Warn of a force that is zero at all times."""
+    strengths = [name for name in STRENGTHS if hasattr(effect, name)]
+    if strengths and not effect.model_fields_set.intersection(strengths):
+        yield f"{key}: has no force, since none of {', '.join(strengths)} is given"
     waves = (*getattr(effect, "sine_force", ()), *getattr(effect, "sine_torque", ()))
     if any(waves) and effect.angular_frequency == effect.phase == 0.0:
-        yield f"{key}: is 0, so that the harmonic part is zero; must be given [rad/s]"
+        yield (
+            f"{key}.angular_frequency: is 0, so that the harmonic part is zero; must be given "
+            "[rad/s]"
+        )
 
 
 def _plane(key: str, spec: Any, scene: Scene) -> Iterator[str]:
@@ -227,7 +237,22 @@ def is_statics(path: Path) -> bool:
     Raises SceneError if it is not a YAML file.
     """
     data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
-    return isinstance(data, Mapping) and ("supports" in data or "loads" in data)
+    return isinstance(data, Mapping) and _has_short_form(data)
+
+
+def _has_short_form(data: Mapping[str, Any]) -> bool:
+    return "supports" in data or "loads" in data
+
+
+def _at_rest(data: Mapping[str, Any]) -> bool:
+    """Whether data that is no scene of motion is one of bodies at rest."""
+    if not _has_short_form(data):
+        return False
+    try:
+        validated(StaticsScene, data, IN_MEMORY)
+    except SceneError:
+        return False
+    return True
 
 
 def _path_of(source: str | PathLike[str]) -> Path:
@@ -294,7 +319,14 @@ def _build(
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)
-    scene = validated(kind, data, file).from_source(name, file, text)
+    try:
+        scene = validated(kind, data, file).from_source(name, file, text)
+    except SceneError as error:
+        if kind is Scene and _at_rest(data):
+            raise scene_error(
+                f"is for rb_sim statics only: {error.key}: {error.message}", (), file
+            ) from None
+        raise
     for line in habits(data, scene) if by_hand else ():
         warnings.warn(f"{scene.file}: {line}", SceneWarning, stacklevel=4)
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}
