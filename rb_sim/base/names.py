@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import get_close_matches
 
 LONGEST = 64
@@ -215,3 +215,20 @@ def known_key(key: object, names: Iterable[str]) -> str:
     if word.isdigit():
         return "omitted (a decimal number has a point: 1.5, not 1,5)"
     return one_of(key, listed)
+
+
+_A_NAME = re.compile(r"\b(?!(?:one|of|or)\b)\w+")
+"""A name in the phrase of `one_of`."""
+
+
+def a_mapping_of(names: str, needed: Callable[[str], list[str]]) -> str:
+    """Phrase for a mapping of one of several types, each with the keys that it needs.
+
+    names: phrase of `one_of`; needed: the keys that a type needs besides `type`.
+    """
+
+    def with_keys(name: re.Match[str]) -> str:
+        keys = ", ".join(needed(name[0]))
+        return f"{name[0]} ({keys})" if keys else name[0]
+
+    return f"a mapping {{type: NAME, KEY: ...}}; NAME is {_A_NAME.sub(with_keys, names)}"

@@ -41,7 +41,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from rb_sim.base.names import known_key, one_of
+from rb_sim.base.names import a_mapping_of, known_key, one_of
 from rb_sim.numerics.kernels import dispatch
 
 WHOLE_TURN = 6.2832
@@ -150,23 +150,6 @@ def body_references(entry: Spec | Mapping[str, Any]) -> Iterator[tuple[tuple[str
             yield from (((field, i), name) for i, name in enumerate(value) if isinstance(name, str))
         elif isinstance(value, str) and field in ("body", "parent"):
             yield (field,), value
-
-
-_A_NAME = re.compile(r"\b(?!(?:one|of|or)\b)\w+")
-"""A name in the phrase of `one_of`."""
-
-
-def a_mapping_of(names: str, needed: Callable[[str], list[str]]) -> str:
-    """Phrase for a mapping of one of several types, each with the keys that it needs.
-
-    names: phrase of `one_of`; needed: the keys that a type needs besides `type`.
-    """
-
-    def with_keys(name: re.Match[str]) -> str:
-        keys = ", ".join(needed(name[0]))
-        return f"{name[0]} ({keys})" if keys else name[0]
-
-    return f"a mapping {{type: NAME, KEY: ...}}; NAME is {_A_NAME.sub(with_keys, names)}"
 
 
 def _needed_keys(registry: Mapping[str, type[Spec]], kind: str) -> list[str]:

@@ -20,7 +20,8 @@ import typer
 def _key_value(changes: list[str] | None) -> list[str] | None:
     for change in changes or ():
         if "=" not in change:
-            raise typer.BadParameter(f"got {change!r}; must be KEY=VALUE, e.g. bodies.top.mass=2")
+            example = "must be KEY=VALUE, e.g. bodies.top.mass=2"
+            raise typer.BadParameter(f"got {change!r}; {example}", param_hint="--set")
     return changes
 
 

@@ -208,23 +208,22 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
             slip, w = rolling_spin(reduced.system, place.state(name), MISFIT)
             problem = f"the contact point of {name} slips at {slip:.3g} m/s"
             cure = f"use {_written('angular_velocity', w)}" if w else cure
-        cure = cure or _nearest(scene.bodies[name], reduced.state, what)
+        cure = cure or _nearest(scene.bodies[name], reduced.state)
         refuse_initial(scene, joint, problem, cure)
 
 
-def _nearest(body: Body, state: BodyState, what: str) -> str:
-    """The values of a body in the scene file at the nearest admissible state, position or
-    velocity."""
+def _nearest(body: Body, state: BodyState) -> str:
+    """The values of a body in the scene file that differ at the nearest admissible state."""
     arm = vector(body.center_of_mass)
-    if what.endswith("velocity"):
-        v_O = sub(state.v_WC, rotate(state.q_WB, cross(state.w_WB_B, arm)))
-        nearest = {"linear_velocity": v_O, "angular_velocity": state.w_WB_B}
-    else:
-        p_O = sub(state.p_WC, rotate(state.q_WB, arm))
-        nearest = {"position": p_O, "orientation": state.q_WB}
+    nearest = {
+        "position": sub(state.p_WC, rotate(state.q_WB, arm)),
+        "orientation": state.q_WB,
+        "linear_velocity": sub(state.v_WC, rotate(state.q_WB, cross(state.w_WB_B, arm))),
+        "angular_velocity": state.w_WB_B,
+    }
     written = {key: _written(key, value) for key, value in nearest.items()}
     other = [text for key, text in written.items() if text != _written(key, getattr(body, key))]
-    return f"use {' and '.join(other)}" if other else "correct it"
+    return f"use {', '.join(other)}" if other else "correct it"
 
 
 def _written(key: str, values: Sequence[float]) -> str:

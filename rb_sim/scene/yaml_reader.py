@@ -27,8 +27,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from rb_sim.base.errors import SceneError
-from rb_sim.base.names import one_of
-from rb_sim.catalogue.spec import a_mapping_of
+from rb_sim.base.names import a_mapping_of, one_of
 
 Keys = tuple[str | int, ...]
 

@@ -310,7 +310,7 @@ def test_a_start_that_a_joint_does_not_allow_names_the_nearest_one_that_it_does(
     rod = {"mass": 1.0, "shape": {"type": "rod", "length": 1.0, "axis_B": [1, 0, 0]}}
     rod["shape"]["center_B"] = rod["center_of_mass"] = [0.5, 0, 0]
     data = {"bodies": {"a": rod | {"linear_velocity": [0, 1, 0]}}, "constraints": HINGE}
-    with pytest.raises(SceneError, match=r"use linear_velocity \[0, 0, 0\] and angular_velocity "
+    with pytest.raises(SceneError, match=r"use linear_velocity \[0, 0, 0\], angular_velocity "
                        r"\[0, 0, 1.5\] or set simulation.project_initial"):  # fmt: skip
         Simulation(data)
     Simulation({**data, "bodies": {"a": rod | {"angular_velocity": [0, 0, 1.5]}}})
