@@ -57,6 +57,9 @@ class Analysis:
     bodies: dict[str, BodyFigures] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    """lines about what is wrong with the recording, or not known."""
+    events: list[str] = field(default_factory=list)
+    """lines about recorded impacts."""
     balance: dict[str, Any] | None = None
     """energy and momentum balance of a run of rb_sim."""
     balances: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -92,6 +95,7 @@ class Analysis:
         return {
             "bag": self.name,
             "notes": self.notes,
+            "events": self.events,
             "sources": {
                 name: {
                     "kind": self.kinds[name],
@@ -226,7 +230,8 @@ BALANCED = 1e-3
 def _verdict(found: Analysis) -> str:
     """HTML: the recording, its problems, and whether the balances hold."""
     count = sum(figures.rates.count for figures in found.figures.values())
-    recorded = [*found.facts, f"{len(found.figures)} sources, {count} readings", found.name]
+    sources = f"{len(found.figures)} sources, {count} readings"
+    recorded = [*found.facts, *found.events[:MOST], sources, found.name]
     gaps = [
         f"{name}: {rates['gaps']} gaps, the longest {rates['longest_gap']:.3g} s"
         for name, figures in found.figures.items()
