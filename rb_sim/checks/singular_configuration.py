@@ -80,7 +80,7 @@ MOST_BETWEEN = 1000
 FINER = 2
 """Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
 VANISHED = 1e-5
-"""s at or below which it is zero at the place itself."""
+"""s at or below which the configuration itself is singular."""
 OPEN = 1.3
 """Two lowest places of a V over one step of its sides; above, s has a minimum beside zero."""
 

@@ -54,8 +54,9 @@ from rb_sim.numerics.kernels import inline
 MOST_CONTACTS = 20
 """Contacts that bear up to which their least shares are found: it costs their cube."""
 DEPENDENT = 1e-8
-"""What is left of a row of W, relative to its length, that depends on others: above what is left
-of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
+"""Remainder of a row of W after elimination, relative to its length, below which the row depends
+on others: larger than the errors of joints (1e-9 of the length of the scene), smaller than the
+effect of a mass ratio of a million."""
 ROUNDS, TURNS, FRICTION_SWEEPS, SWEEPS = 4, 20, 100, 50
 """Of finding least shares and checking them by sweeps; turns of normal impulses and friction in
 each; sweeps of friction in a turn; sweeps of the check."""
