@@ -465,18 +465,21 @@ def _summary(loaded: LoadedPlan, table: RunTable) -> str:
     return "".join(f"<p>{html.escape(line)}</p>" for line in lines)
 
 
+SLOPE_HEADS = ("derivative of", "by", "exact", "difference of two runs")
+
+
 def _slopes_section(found: Slopes, table: RunTable) -> str:
     """HTML table of derivatives, exact and by differences."""
     rows = [
-        (table.label(output), table.label(name), f"{slope.exact:.9g}", f"{slope.difference:.9g}")
+        (table.label(output), table.label(name), *slope.texts())
         for output, by_name in found.by_output.items()
         for name, slope in by_name.items()
     ]
     if not rows:
         return ""
     at = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
-    why = f"<p>Not exact: {html.escape(found.why)}</p>" if found.why else ""
-    shown = _table(("d", "/ d", "exact", "difference of two runs"), rows)
+    why = f"<p>No exact derivatives: {html.escape(found.why)}</p>" if found.why else ""
+    shown = _table(SLOPE_HEADS, rows)
     return f"<h2>Derivatives at {html.escape(at)}</h2>{why}{shown}"
 
 

@@ -396,7 +396,7 @@ class _Page:
             return
         thinned = Envelope(values.shape[1], self._points // 4)  # it keeps up to 4 times that
         thinned.add(t, values)
-        across, values = thinned.curves()
+        across, values = _broken(*thinned.curves(), figures)
         axis = None
         for unit, which in _groups(name, figures).items():
             size = float(sizes_beside(name, figures, self._sizes)[which].max())
@@ -473,13 +473,21 @@ def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
     return groups
 
 
+def _broken(t: np.ndarray, values: np.ndarray, figures: Figures) -> tuple[np.ndarray, np.ndarray]:
+    """The curves with a row of NaN in each gap, over which the page draws no line."""
+    gaps = figures.rates.as_dict()["first_gaps"]
+    middles = np.array([gap["after"] + 0.5 * gap["seconds"] for gap in gaps])
+    at = np.searchsorted(t, middles)
+    return np.insert(t, at, middles), np.insert(values, at, np.nan, axis=0)
+
+
 def _lines(names: list[str], values: np.ndarray) -> list[dict[str, Any]]:
     """One plotted curve for each column of values."""
     lines = []
     for k, (name, column) in enumerate(zip(names, values.T, strict=True)):
         color = AXES["xyzw".index(name[-1])] if name[-1] in "xyzw" else CYCLE[k % len(CYCLE)]
         shown = "" if name == "value" else name  # the title says what it is
-        lines.append({"name": shown, "color": color, "y": packed(np.nan_to_num(column))})
+        lines.append({"name": shown, "color": color, "y": packed(column)})
     return lines
 
 
