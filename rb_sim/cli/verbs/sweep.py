@@ -110,8 +110,10 @@ def sweep_report(folder: Path) -> int:
     if result.indices:
         indices = Table("output", "varied", "first order", "total")
         for output, by_name in result.indices.items():
-            for name, (first, total) in by_name.items():
-                indices.add_row(output, name, f"{first:.3f}", f"{total:.3f}")
+            for name, index in by_name.items():
+                first = f"{index.first:.3f} ± {index.first_interval:.3f}"
+                total = f"{index.total:.3f} ± {index.total_interval:.3f}"
+                indices.add_row(output, name, first, total)
         console.print(indices)
     if any(result.slopes.by_output.values()):
         slopes = Table(*SLOPE_HEADS)
