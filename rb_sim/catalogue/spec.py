@@ -296,7 +296,7 @@ def _radians(angle: float) -> float:
 _WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(deg|rad)\s*")
 
 
-def _with_unit(angle: Any) -> Any:
+def radians_of(angle: Any) -> Any:
     """Radians of a text like "5 deg" or "0.1 rad"; other values unchanged."""
     if not isinstance(angle, str):
         return angle
@@ -310,7 +310,7 @@ def _with_unit(angle: Any) -> Any:
     return math.radians(number) if match[2] == "deg" else number
 
 
-Angle = Annotated[Finite, BeforeValidator(_with_unit)]
+Angle = Annotated[Finite, BeforeValidator(radians_of)]
 """An angle in radians; also read from "5 deg"."""
 
 
