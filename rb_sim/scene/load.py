@@ -120,7 +120,8 @@ def _angle(key: str, angle: Any) -> Iterator[str]:
 def _density(name: str, body: Body) -> Iterator[str]:
     """Warn of a mass that no solid has within the radius of the body's shape."""
     reach = 0.0 if body.shape is None else body.shape.reach
-    density = body.mass / (4.0 / 3.0 * math.pi * reach**3) if reach > 0.0 else 1.0
+    known = reach > 0.0 and body.mass > 0.0  # a body at rest may have no mass
+    density = body.mass / (4.0 / 3.0 * math.pi * reach**3) if known else 1.0
     about = f"bodies.{name}.mass: {body.mass:g} kg within a radius of {reach:.3g} m is"
     if density > DENSEST:
         yield (

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from rb_sim import SceneError, SceneWarning, Simulation, load_scene
+from rb_sim.scene.load import load_statics
 
 WEIGHT = {"weight": {"type": "gravity"}}
 
@@ -157,6 +158,13 @@ def test_millimetres_get_one_line_with_the_metres():
     for mass in (1e-3, 3e4):
         ball = {"mass": mass, "shape": {"type": "sphere", "radius": 1.0}}
         assert lines({"bodies": {"ball": ball}, "effects": WEIGHT}) == []
+
+
+def test_a_weightless_body_at_rest_gets_none():
+    rod = {"shape": {"type": "rod", "length": 1.0}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_statics({"bodies": {"a": rod}})
 
 
 def test_a_harmonic_force_without_a_frequency_gets_one_line():
