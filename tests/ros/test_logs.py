@@ -60,7 +60,7 @@ def test_time_in_the_name_gives_every_run_a_folder(sphere, start, tmp_path):
 def test_any_log_in_the_folder_counts(log, tmp_path: Path):
     assert out_folder(str(tmp_path), overwrite=False) == tmp_path
     (tmp_path / log).touch()
-    with pytest.raises(RbSimError, match=f"has {log} already"):
+    with pytest.raises(RbSimError, match=f"already contains {log}"):
         out_folder(str(tmp_path), overwrite=False)
     assert out_folder(str(tmp_path), overwrite=True) == tmp_path
 
@@ -83,7 +83,7 @@ def test_a_folder_is_one_process_s_and_what_came_meanwhile_is_not_replaced(tmp_p
             one.close()
     assert not said
     (tmp_path / "run" / "recording.rrd").touch()
-    with pytest.raises(RbSimError, match=r"has recording\.rrd already"):
+    with pytest.raises(RbSimError, match=r"already contains recording\.rrd"):
         claim(tmp_path / "run", overwrite=False)
 
 
