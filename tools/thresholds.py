@@ -31,7 +31,7 @@ LARGEST = 1e-5
 NONE_OF_THEM = {
     ("accuracy/choice.py", "REDUCED"), ("accuracy/choice.py", "BODY"),
     ("accuracy/choice.py", "ROW"), ("accuracy/choice.py", "SOLVE"),
-    ("accuracy/choice.py", "OPEN_ROW"),  # seconds of CPU
+    ("accuracy/choice.py", "OPEN_ROW"), ("accuracy/choice.py", "SWEEP"),  # seconds of CPU
     ("bags/info.py", "NANO"),  # a unit
     ("scene/schema.py", "DEFAULT_TOLERANCE"),  # accuracies to ask
     ("simulation/sensitivity.py", "TOLERANCE"),

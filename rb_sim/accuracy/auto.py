@@ -105,8 +105,8 @@ MAGNIFIED = 1e-4
 both started with errors of some ulps in every step."""
 
 MAGNIFYING = 1e-12
-"""What one ulp at the start grows to [rad, m] where a motion magnifies errors some ten thousand
-times."""
+"""Growth of a 1-ulp perturbation of the start over the run [rad, m] above which the motion
+counts as sensitive: errors are magnified about ten thousand times."""
 
 LOOKS = 7
 """Runs of one candidate at most."""

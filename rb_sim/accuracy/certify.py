@@ -137,7 +137,7 @@ HALVINGS = 6
 """Of the step of a checker, where chaos parts it from the sharp run."""
 
 AGREED = 1e-9
-"""Agreement of the pose to which the first two runs are brought [m, rad]."""
+"""Difference in pose [m, rad] at which the first two runs agree well enough."""
 
 FIRST = 0.25
 """Share of the budget that the first run of a method may take: one that needs more for it, as an

@@ -69,8 +69,8 @@ PYTHON_STEP = 1e-3
 """CPU time of a step of time stepping beside joints or forces other than weight [s]."""
 
 SWEEP = 2.5e-6
-"""CPU time of the solver of time stepping, of each sweep and contact that is near [s], Newton's
-method included: piles of 8 to 216 balls that settle, to a factor of three."""
+"""CPU time of the solver of time stepping for each sweep and near contact [s], Newton's method
+included: measured on piles of 8 to 216 balls that settle, to a factor of three."""
 
 EVENT = 2e-3
 """CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
@@ -133,7 +133,7 @@ def overdetermined(compiled: Compiled) -> int:
 
 
 TIGHTEST = 1e-14
-"""Local tolerance below which rounding, not the step, makes the error."""
+"""Local tolerance below which rounding, not the step, causes the error."""
 
 QUANTITIES = ("position", "rotation", "linear_velocity", "angular_velocity", "force", "torque")
 UNITS = ("m", "rad", "m/s", "rad/s", "N", "N m")

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -27,6 +27,11 @@ from typing import Any, NamedTuple
 
 class RbSimError(Exception):
     """Base of all errors of rb_sim; its text is one line: the mistake and the allowed values."""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The text with a line for each mistake."""
+        return (str(self),)
 
 
 class SceneError(RbSimError):
@@ -38,11 +43,20 @@ class SceneError(RbSimError):
         message: The mistake and the allowed values.
     """
 
-    def __init__(self, message: str, *, key: str = "", file: str = "<scene>") -> None:
-        self.message = message
+    def __init__(
+        self, message: str, *, key: str = "", file: str = "<scene>", others: Sequence[str] = ()
+    ) -> None:
+        """others: further mistakes, each with its key; they are part of `message`."""
+        self.message = "; ".join((message, *others))
         self.key = key
         self.file = file
-        super().__init__(": ".join(part for part in (file, key, message) if part))
+        self._mistakes = (": ".join(part for part in (key, message) if part), *others)
+        super().__init__(": ".join(part for part in (file, key, self.message) if part))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The text with a line for each mistake."""
+        return tuple(f"{self.file}: {line}" if self.file else line for line in self._mistakes)
 
 
 class UnknownNameError(RbSimError, KeyError):

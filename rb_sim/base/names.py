@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import get_close_matches
 
 LONGEST = 64
@@ -121,6 +121,11 @@ ALSO_CALLED = {
     "deg": ("angle",),
     "diameter": ("radius",),
     "half_extents": ("size",),
+    "axis": ("axis_b",),
+    "point": ("point_b",),
+    "anchor": ("point_b",),
+    "floor": ("contact", "plane"),
+    "ground": ("contact", "plane"),
     "dimensions": ("size",),
     "extents": ("size",),
     "height": ("length",),
@@ -131,6 +136,8 @@ ALSO_CALLED = {
     "timestep": ("step",),
     "t_end": ("duration",),
     "end_time": ("duration",),
+    "time": ("duration",),
+    "ode45": ("dopri853",),
     "frequency": ("rate",),
     "fps": ("rate",),
     "rtol": ("tolerance",),
@@ -141,7 +148,29 @@ ALSO_CALLED = {
     "joints": ("constraints",),
     "forces": ("effects",),
 }
-"""Names in other programs -> candidates in rb_sim; the context decides between them."""
+"""Names in other programs -> candidates in rb_sim, in lower case; the context decides between
+them."""
+
+
+_FIXED = (
+    "omitted: leave out a body that never moves (constraints without parent are to the world), or "
+    "hold it by a constraint of type weld"
+)
+_OF_CONTACT = "a key of a constraint of type contact"
+
+SAID_ELSEWHERE = {
+    "fixed": _FIXED,
+    "static": _FIXED,
+    "kinematic": _FIXED,
+    "is_static": _FIXED,
+    "friction": _OF_CONTACT,
+    "mu": _OF_CONTACT,
+    "restitution": _OF_CONTACT,
+    "collision": _OF_CONTACT,
+    "material": _OF_CONTACT,
+}
+"""Keys of other programs that have no counterpart in the mapping where they stand -> the phrase
+after "must be"."""
 
 
 MOST_NAMES = 14
@@ -175,3 +204,32 @@ def one_of(value: object, names: Iterable[str]) -> str:
     if not close:
         return f"one of {text or 'none'}"
     return {0: close, 1: f"{close} or {text}"}.get(len(listed), f"{close}, or one of {text}")
+
+
+def known_key(key: object, names: Iterable[str]) -> str:
+    """Phrase with the key that an unknown one was probably meant to be, or where it belongs."""
+    listed = list(names)
+    word = str(key).lower()
+    if word in SAID_ELSEWHERE and not set(listed).intersection(ALSO_CALLED.get(word, ())):
+        return SAID_ELSEWHERE[word]
+    if word.isdigit():
+        return "omitted (a decimal number has a point: 1.5, not 1,5)"
+    return one_of(key, listed)
+
+
+_A_NAME = re.compile(r"\b(?!(?:one|of|or)\b)\w+")
+"""A name in the phrase of `one_of`."""
+
+
+def a_mapping_of(names: str, needed: Callable[[str], list[str]], such: str = "") -> str:
+    """Phrase for a mapping of one of several types, each with the keys that it needs.
+
+    names: phrase of `one_of`; needed: the keys that a type needs besides `type`; such: phrase of
+    an example, put behind the form.
+    """
+
+    def with_keys(name: re.Match[str]) -> str:
+        keys = ", ".join(needed(name[0]))
+        return f"{name[0]} ({keys})" if keys else name[0]
+
+    return f"a mapping {{type: NAME, KEY: ...}}{such}; NAME is {_A_NAME.sub(with_keys, names)}"

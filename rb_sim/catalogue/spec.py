@@ -42,7 +42,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from rb_sim.base.names import one_of
+from rb_sim.base.names import a_mapping_of, known_key, one_of
 from rb_sim.numerics.kernels import dispatch
 
 WHOLE_TURN = 6.2832
@@ -78,7 +78,8 @@ def refuse_at(*problems: Problem) -> ValidationError:
 
 
 def _unknown_key(key: object, known: Iterable[str]) -> PydanticCustomError:
-    return PydanticCustomError("rb_sim_key", "must be {allowed}", {"allowed": one_of(key, known)})
+    allowed = known_key(key, known)
+    return PydanticCustomError("rb_sim_key", "must be {allowed}", {"allowed": allowed})
 
 
 class Spec(BaseModel):
@@ -152,16 +153,33 @@ def body_references(entry: Spec | Mapping[str, Any]) -> Iterator[tuple[tuple[str
             yield (field,), value
 
 
-def spec_of_type(registry: Mapping[str, type[Spec]], value: Any) -> Spec:
-    """The spec described by the mapping `value`: its `type` names a class of `registry`."""
+def _needed_keys(registry: Mapping[str, type[Spec]], kind: str) -> list[str]:
+    fields = registry[kind].model_fields if kind in registry else {}
+    required = (field.alias or name for name, field in fields.items() if field.is_required())
+    return [key for key in required if key not in ("type", "body")]
+
+
+def spec_of_type(
+    registry: Mapping[str, type[Spec]],
+    value: Any,
+    other: tuple[str, Mapping[str, type[Spec]]] = ("", {}),
+) -> Spec:
+    """The spec described by the mapping `value`: its `type` names a class of `registry`.
+
+    other: section of a scene and its registry, which an error names if the type is one of those.
+    """
     if not isinstance(value, Mapping):
         if isinstance(value, tuple(registry.values())):
             return value
-        such = _example(registry, value)
-        raise refuse(f"a mapping {{type: NAME}}{such}; NAME is {one_of(value, registry)}")
+        needed, such = partial(_needed_keys, registry), _example(registry, value)
+        raise refuse(a_mapping_of(one_of(value, registry), needed, such))
     kind = value.get("type")
     if not isinstance(kind, str) or kind not in registry:
-        raise refuse_at((("type",), kind, refuse(one_of(kind, registry))))
+        section, types = other
+        there = (
+            f"listed under {section}, or here " if isinstance(kind, str) and kind in types else ""
+        )
+        raise refuse_at((("type",), kind, refuse(there + one_of(kind, registry))))
     return registry[kind].model_validate(value)
 
 
@@ -243,7 +261,7 @@ Identifier = Annotated[
 ]
 """Name that can be used in expressions: a letter, then letters, digits, underscores."""
 Vector3 = Annotated[
-    tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers", 3))
+    tuple[Finite, Finite, Finite], Strict(False), BeforeValidator(_listed("3 numbers [x, y, z]", 3))
 ]
 """Three finite numbers."""
 STRONGEST = 1e100
@@ -251,7 +269,9 @@ STRONGEST = 1e100
 squares of much larger values overflow."""
 _Strength = Annotated[Finite, Ge(-STRONGEST), Le(STRONGEST)]
 Strength3 = Annotated[
-    tuple[_Strength, _Strength, _Strength], Strict(False), BeforeValidator(_listed("3 numbers", 3))
+    tuple[_Strength, _Strength, _Strength],
+    Strict(False),
+    BeforeValidator(_listed("3 numbers [x, y, z]", 3)),
 ]
 """A force, torque or acceleration: three numbers, none beyond STRONGEST."""
 State3 = Strength3
@@ -263,7 +283,7 @@ Strengths = Annotated[
 Positive3 = Annotated[
     tuple[Positive, Positive, Positive],
     Strict(False),
-    BeforeValidator(_listed("3 numbers > 0", 3)),
+    BeforeValidator(_listed("3 numbers [x, y, z] > 0", 3)),
 ]
 """Three numbers > 0."""
 UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]
@@ -290,7 +310,7 @@ def _radians(angle: float) -> float:
 _WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(deg|rad)\s*")
 
 
-def _with_unit(angle: Any) -> Any:
+def radians_of(angle: Any) -> Any:
     """Radians of a text like "5 deg" or "0.1 rad"; other values unchanged."""
     if not isinstance(angle, str):
         return angle
@@ -304,7 +324,7 @@ def _with_unit(angle: Any) -> Any:
     return math.radians(number) if match[2] == "deg" else number
 
 
-Angle = Annotated[Finite, BeforeValidator(_with_unit)]
+Angle = Annotated[Finite, BeforeValidator(radians_of)]
 """An angle in radians; also read from "5 deg"."""
 
 

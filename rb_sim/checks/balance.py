@@ -129,7 +129,7 @@ def unknown_force(scene: Scene) -> str:
 
 
 ROUNDING = 1e-13
-"""Energy, relative to that of the loads, up to which a body counts as at rest; more is motion."""
+"""Kinetic energy, relative to the energy of the loads, up to which a body counts as at rest."""
 
 
 class Exchanged:

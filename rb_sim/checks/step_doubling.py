@@ -58,8 +58,8 @@ APART = 1000
 """Steps of the run between two probes, if there are as many before: a probe costs as much as 11."""
 
 ROUNDING = 1e-11
-"""Share of the velocities, and of the places over a step, that roundings reach; the solver of a
-step of time stepping leaves more, SOLVED."""
+"""Rounding error of velocities and of displacements in a step, relative to them; the solver of
+time stepping leaves more, SOLVED."""
 
 
 class Missed(NamedTuple):

@@ -28,6 +28,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from rb_sim.base import __version__
 from rb_sim.base.errors import RbSimError, SceneWarning, SimulationError
+from rb_sim.base.names import meant
 from rb_sim.cli import options as opt
 from rb_sim.cli.plain import Unread
 from rb_sim.simulation.signals import EARLY, TerminatedError, terminable
@@ -115,6 +116,8 @@ def _complain(error: Any) -> int:
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
     message = NEAREST.sub(r" (did you mean \1?)", message).replace("argument(s)", "argument")
+    if message.startswith("No such option") and context is not None:
+        message = f"No such option: {error.option_name}{_nearest_option(error, context)}"
     if takers := _verbs_with(getattr(error, "option_name", None), context):
         message = f"{error.option_name}: must stand after the command ({', '.join(takers)})"
     verb = NO_COMMAND.fullmatch(message)
@@ -124,6 +127,13 @@ def _complain(error: Any) -> int:
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
+
+
+def _nearest_option(error: Any, context: Any) -> str:
+    """The option that was probably meant, by the names that scenes suggest keys with."""
+    options = [opt for param in context.command.params for opt in param.opts if opt[:2] == "--"]
+    near = meant(error.option_name.lstrip("-").replace("-", "_"), [o[2:] for o in options])
+    return f" (did you mean --{near}?)" if near else ""
 
 
 MOST_VERBS = 3
@@ -214,7 +224,7 @@ def _exit_code(act: Callable[[], int | None]) -> int:
     except SimulationError as error:
         code, line = FAILED, f"error: {error}"
     except RbSimError as error:
-        code, line = BAD_INPUT, f"error: {error}"
+        code, line = BAD_INPUT, "\n".join(f"error: {mistake}" for mistake in error.lines)
     except ModuleNotFoundError as error:
         from rb_sim.base.installed import complaint
 

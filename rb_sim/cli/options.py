@@ -17,6 +17,15 @@ from typing import Annotated
 
 import typer
 
+
+def _key_value(changes: list[str] | None) -> list[str] | None:
+    for change in changes or ():
+        if "=" not in change:
+            example = "must be KEY=VALUE, e.g. bodies.top.mass=2"
+            raise typer.BadParameter(f"got {change!r}; {example}", param_hint="--set")
+    return changes
+
+
 Scene = Annotated[
     str, typer.Argument(metavar="SCENE", help="Scene: a YAML file, or a name from `rb_sim scenes`.")
 ]
@@ -55,6 +64,7 @@ Change = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
+        callback=_key_value,
         help="Change a value of the scene, e.g. bodies.top.mass=2; repeatable.",
     ),
 ]

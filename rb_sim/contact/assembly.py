@@ -336,8 +336,8 @@ def solve_in(workspace, n, m, A, b, terms, x):
 CANDIDATE, PRESSED = 1, 2
 """How a contact takes part: it may push, or a compliant support pushes it by a given force."""
 EASED = 1e-8
-"""Part of all bounds taken off where one has been reached: what shares the load, as the ends of an
-edge, begins to slip as one, and in directions that go together."""
+"""Fraction by which all friction bounds are lowered once one is reached: contacts that share a
+load, such as the two ends of an edge, then begin to slip together and in the same direction."""
 
 
 @inline

@@ -59,8 +59,8 @@ FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = 
 CONTACT_ROWS = 6
 """Of each contact."""
 ENOUGH = 1e-7
-"""Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
-far below what the step itself leaves, of its order."""
+"""Change of an impulse, or residual of the natural map, relative to the largest impulse, at
+which a step counts as solved: far below the error of the step itself."""
 FINE = 1e-4
 """Natural map of the laws, relative to the largest impulse, that a step may leave where contacts
 contradict each other, and at which sweeps of a moving heap need no Newton's method and contacts

@@ -52,10 +52,10 @@ from rb_sim.numerics.vectors import dot, norm, scale, sub
 
 
 TOUCHING = 1e-10
-"""Gap, relative to the scene's length, at which surfaces touch."""
+"""Gap, relative to the length of the scene, up to which surfaces touch."""
 OPEN = 1e-8
-"""Change of a velocity, of accelerations or of a reaction, relative to the largest, by which two
-that the laws allow differ; below is rounding."""
+"""Difference of two admissible velocities, accelerations or reactions, relative to the largest,
+above which they are different solutions; below, it is rounding."""
 
 
 @inline

@@ -58,7 +58,8 @@ from rb_sim.numerics.rank import RANK_TOLERANCE
 ROUNDS = 100
 """Of Newton's method or bisection for lambda; bisection alone would end within them."""
 EXACT = 1e-15
-"""Of the reaction: distance to the bound at which it is on it."""
+"""Distance of a reaction from its bound, relative to the reaction, up to which it is at the
+bound."""
 ROUGH = 1e8
 """Coefficient of friction beyond which none slips."""
 

@@ -92,7 +92,8 @@ AT_ONCE = 50
 CHANGES_IN_LEAP = 10
 """Changes within DENSE that are taken to have no end."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
-"""A time too short to matter, and the longest that is leapt over; natural units."""
+"""Intervals, in natural units: changes of contacts within DENSE count as simultaneous, and
+LONGEST_LEAP is the longest time that is skipped after an endless series of them."""
 
 
 class Chatter:
@@ -132,8 +133,8 @@ class Chatter:
 
 
 ZENO_HEIGHT = 1e-11
-"""Height of the next bounce, relative to the scene's length, below which a contact is closed: what
-is left out of the motion is of that size, and the time of rest is known from the series."""
+"""Height of the next bounce, relative to the length of the scene, below which a contact closes:
+the neglected motion is of that size, and the time of rest is known from the series."""
 ZENO_BOUNCES = 3
 """Impacts in a row before one is taken to belong to an endless series."""
 LAST, BEST, CHANGE = range(3)
@@ -255,8 +256,8 @@ def count_bounces(workspace):
 
 
 HELD_DOWN = 1e-6
-"""Acceleration towards the support, in natural units, with which a contact that has just been left
-would be pressed again at once."""
+"""Acceleration towards the support, in natural units, above which a contact that has just opened
+would close again at once."""
 LANDED = 2.4
 """Times to the top of a flight after which it is over, also where its fall changes a little."""
 
@@ -510,8 +511,8 @@ NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
 """What rounds of impacts come to: nothing approaches; something was struck; the laws have no
 solution; numbers that are not finite; there are more rounds to come; all have been."""
 TIED = 1e-9
-"""Part of the speed of the fastest contact by which another may be slower and is as fast: rounding
-would choose between the two corners of an edge that lands, and the body go the one or other way."""
+"""Relative difference of approach speeds up to which two contacts are equally fast: for an edge
+that lands, rounding must not decide which corner strikes first."""
 
 
 @inline

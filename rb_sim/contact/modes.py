@@ -129,7 +129,7 @@ def may_share(system, workspace):
 
 MODE_ROUNDS = 8
 BEGINS = 1e-10
-"""Acceleration, relative to the largest, from which on a contact opens or begins to move."""
+"""Acceleration, relative to the largest, above which a contact opens or begins to slip or roll."""
 WHOLE, JAMMED_ONES, TOO_LARGE = 0, 1, 2
 """What the choice comes to: modes; no force keeps a slipping contact from penetrating (Painleve's
 paradox); numbers that are not finite."""

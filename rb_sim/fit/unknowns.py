@@ -16,10 +16,12 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic_core import PydanticCustomError
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import WRITTEN_ROUNDING
+from rb_sim.catalogue.spec import radians_of
 from rb_sim.io.bag.reader import value_at
 from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
@@ -105,9 +107,14 @@ def _value(data: Mapping[str, Any], key: str) -> Any:
     if last in VELOCITIES and head.startswith("bodies") and len(keys_of(head) or ()) == 2:
         return value_at(data, head).get(last, [0.0, 0.0, 0.0])
     try:
-        return value_at(data, key)
+        value = value_at(data, key)
     except RbSimError as error:
-        raise RbSimError(f"--free {error}") from None
+        hint = "the scene must have the key, with a value to start from"
+        raise RbSimError(f"--free {error}; {hint}") from None
+    try:
+        return radians_of(value)  # an angle in degrees
+    except PydanticCustomError:
+        return value
 
 
 def _is_number(value: Any) -> bool:

@@ -49,8 +49,8 @@ from rb_sim.numerics.kernels import call_law, call_step, dispatch, helper, part
 
 POSITION_SWEEPS = 8
 ON_MANIFOLD = 2e-15
-"""Position error, relative to the scene's length, at which Newton's iteration ends: only
-rounding."""
+"""Position error, relative to the length of the scene, at which Newton's iteration ends: only
+rounding is left."""
 NEAR = 1e-9
 """Position error, relative to the scene's length, below which one step of Newton's iteration, whose
 error is its square, suffices; above it more steps follow."""

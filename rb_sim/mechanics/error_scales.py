@@ -120,7 +120,7 @@ SMALL_TOGETHER = 1e-3
 """The same limit for bodies in joints, and for the angles of a body [m, rad]."""
 
 LEAST = 1e-15
-"""Amplitude [m, rad] below which a body is at rest."""
+"""Amplitude [m, rad] of a motion below which the body counts as at rest."""
 
 RESOLVED = 1e4
 """The same in roundings of the coordinates, of a pair of all coordinates: following the motion

@@ -128,7 +128,7 @@ METHODS: dict[str, MethodEntry] = {
         "Taylor series of the motion itself: the fewest steps at high accuracy",
         "taylor",
         expandable,
-        "scenes without contacts; along splines one body that keeps its attitude",
+        "scenes without contacts (with a spline as guide: only one body that does not rotate)",
         taylor,
         weighed=reduced,
     ),

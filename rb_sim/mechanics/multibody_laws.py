@@ -150,8 +150,9 @@ def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
 
 
 LEFT_NEAR_SINGULAR = 1e-10
-"""Error of a row, relative to the scene's length, or of its rate, relative to the speed, that is
-not corrected near a singular configuration: a tenth of the violation that is reported."""
+"""Error of a constraint row, relative to the length of the scene, or of its rate, relative to
+the speed, that is not corrected near a singular configuration: a tenth of the violation that is
+reported."""
 
 
 class SolvedRows(GuidedLaws):

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from rb_sim.base.errors import SceneError
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.constraints.rows import BIAS
+from rb_sim.catalogue.spec import BodyState
 from rb_sim.mechanics.initial_projection import relative, rows_matrix, start_on_manifold
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.mechanics.systems.many_bodies import (
@@ -31,9 +33,10 @@ from rb_sim.mechanics.systems.many_bodies import (
 )
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.rank import Ranked, null_space, ranked
-from rb_sim.scene.place import InitialPlace
+from rb_sim.numerics.vectors import cross, rotate, sub
+from rb_sim.scene.place import InitialPlace, vector
 from rb_sim.scene.reduced import misfit, rolling_spin
-from rb_sim.scene.schema import Scene
+from rb_sim.scene.schema import Body, Scene
 
 # Linearly dependent constraint rows: permanently (redundant) or in one position only (singular).
 #
@@ -200,12 +203,33 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
     size, what, amount = misfit(place.state(name), reduced.state, reduced.length)
     if size > MISFIT:
         joint = next(k for k, s in scene.constraints.items() if s.type != "free")
-        problem, cure = f"the initial {what} of {name} violates it by {amount}", "correct it"
+        problem, cure = f"the initial {what} of {name} violates it by {amount}", ""
         if scene.constraints[joint].type == "rolling" and what.endswith("velocity"):
             slip, w = rolling_spin(reduced.system, place.state(name), MISFIT)
             problem = f"the contact point of {name} slips at {slip:.3g} m/s"
-            cure = f"use angular_velocity [{', '.join(f'{x + 0.0:.6g}' for x in w)}]" if w else cure
+            cure = f"use {_written('angular_velocity', w)}" if w else cure
+        cure = cure or _nearest(scene.bodies[name], reduced.state)
         refuse_initial(scene, joint, problem, cure)
+
+
+def _nearest(body: Body, state: BodyState) -> str:
+    """The values of a body in the scene file that differ at the nearest admissible state."""
+    arm = vector(body.center_of_mass)
+    nearest = {
+        "position": sub(state.p_WC, rotate(state.q_WB, arm)),
+        "orientation": state.q_WB,
+        "linear_velocity": sub(state.v_WC, rotate(state.q_WB, cross(state.w_WB_B, arm))),
+        "angular_velocity": state.w_WB_B,
+    }
+    written = {key: _written(key, value) for key, value in nearest.items()}
+    other = [text for key, text in written.items() if text != _written(key, getattr(body, key))]
+    return f"use {', '.join(other)}" if other else "correct it"
+
+
+def _written(key: str, values: Sequence[float]) -> str:
+    size = max(map(abs, values))
+    rounded = (0.0 if abs(x) < WRITTEN_ROUNDING * size else x for x in values)
+    return f"{key} [{', '.join(f'{x + 0.0:.6g}' for x in rounded)}]"
 
 
 def refuse_initial(

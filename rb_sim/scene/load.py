@@ -299,7 +299,22 @@ def is_statics(path: Path) -> bool:
     Raises SceneError if it is not a YAML file.
     """
     data = yaml_reader.parse(yaml_reader.read_text(path), str(path))
-    return isinstance(data, Mapping) and ("supports" in data or "loads" in data)
+    return isinstance(data, Mapping) and _has_short_form(data)
+
+
+def _has_short_form(data: Mapping[str, Any]) -> bool:
+    return "supports" in data or "loads" in data
+
+
+def _at_rest(data: Mapping[str, Any]) -> bool:
+    """Whether data that is no scene of motion is one of bodies at rest."""
+    if not _has_short_form(data):
+        return False
+    try:
+        validated(StaticsScene, data, IN_MEMORY)
+    except SceneError:
+        return False
+    return True
 
 
 def _path_of(source: str | PathLike[str]) -> Path:
@@ -366,7 +381,14 @@ def _build(
     if not isinstance(data, Mapping):
         message = f"got {render(data)}; a scene must be a mapping with bodies"
         raise scene_error(message, (), file)
-    scene = validated(kind, data, file).from_source(name, file, text)
+    try:
+        scene = validated(kind, data, file).from_source(name, file, text)
+    except SceneError as error:
+        if kind is Scene and _at_rest(data):
+            raise scene_error(
+                f"is for rb_sim statics only: {error.key}: {error.message}", (), file
+            ) from None
+        raise
     for line in habits(data, scene) if by_hand else ():
         warnings.warn(f"{scene.file}: {line}", SceneWarning, stacklevel=4)
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}

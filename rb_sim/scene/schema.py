@@ -244,10 +244,16 @@ if TYPE_CHECKING:
     from rb_sim.catalogue.spec import EffectKind as EffectSpec
 else:
     ConstraintSpec = Annotated[
-        SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(constraint_specs(), value))
+        SerializeAsAny[Spec],
+        PlainValidator(
+            lambda value: spec_of_type(constraint_specs(), value, ("effects", effect_specs()))
+        ),
     ]
     EffectSpec = Annotated[
-        SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(effect_specs(), value))
+        SerializeAsAny[Spec],
+        PlainValidator(
+            lambda value: spec_of_type(effect_specs(), value, ("constraints", constraint_specs()))
+        ),
     ]
 SupportSpec = Annotated[
     SerializeAsAny[Spec], PlainValidator(lambda value: spec_of_type(support_specs(), value))

@@ -18,7 +18,8 @@ key.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -26,7 +27,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from rb_sim.base.errors import SceneError
-from rb_sim.base.names import one_of
+from rb_sim.base.names import a_mapping_of, one_of
 
 Keys = tuple[str | int, ...]
 
@@ -36,6 +37,9 @@ MISSING = "is missing"
 
 MOST_ERRORS = 9
 """Most errors listed in full after the first."""
+
+LONGEST_MISTAKE = 1000
+"""Characters of the description of one mistake."""
 
 _MISSING = object()
 
@@ -86,10 +90,10 @@ def validated(model: type[Model], data: Any, file: str, key: str = "") -> Model:
     (message, (first, *alike)), *others = by_line.items()
     if alike:
         message += f" (as {_keys_text(alike)})"
-    message += "".join(f"; {_keys_text(paths)}: {line}" for line, paths in others[:MOST_ERRORS])
+    more = [f"{_keys_text(paths)}: {line}" for line, paths in others[:MOST_ERRORS]]
     if len(others) > MOST_ERRORS:
-        message += f"; and {len(others) - MOST_ERRORS} more"
-    raise scene_error(message, (key, *first) if key else first, file)
+        more.append(f"and {len(others) - MOST_ERRORS} more")
+    raise scene_error(message, (key, *first) if key else first, file, more)
 
 
 def _keys_text(paths: list[Keys]) -> str:
@@ -107,16 +111,22 @@ def _line(model: type[BaseModel], data: Any, path: Keys, same: list[Any]) -> str
     elif same[0]["type"] == "model_attributes_type":  # one of several models, by `type`
         unknown = {"type": f"{_at(data, path)}?"}  # the nearest name comes first
         names = _phrases_for(model, data, path, (*path, "type"), unknown)
-        phrases = [f"a mapping {{type: NAME}}; NAME is {name}" for name in names]
+        needed = partial(_needed_of_type, model, data, path)
+        phrases = [a_mapping_of(phrase, needed) for phrase in names]
     if same[0]["type"] in ("model_type", "model_attributes_type") and not phrases:
         keys = _required(model, data, path)
         phrases = [f"a mapping {{{', '.join(f'{key}: ...' for key in keys)}}}"] if keys else []
     return f"{_found(data, path, same[0])}; must be {' or '.join(phrases or _phrases(same))}"
 
 
-def _required(model: type[BaseModel], data: Any, path: Keys) -> list[str]:
-    """The keys that a mapping at `path` must have."""
-    changed = _with_value(data, path, {})
+def _needed_of_type(model: type[BaseModel], data: Any, path: Keys, kind: str) -> list[str]:
+    """The keys besides `type` that a mapping of a type needs at `path`."""
+    return _required(model, data, path, {"type": kind})
+
+
+def _required(model: type[BaseModel], data: Any, path: Keys, given: Any = None) -> list[str]:
+    """The keys that a mapping at `path` must have, which already has those `given`."""
+    changed = _with_value(data, path, given or {})
     try:
         model.model_validate(changed)
     except ValidationError as error:
@@ -274,9 +284,10 @@ def shorten(text: str, width: int = 60) -> str:
     return flat if len(flat) <= width else flat[: width - 3] + "..."
 
 
-def scene_error(message: str, path: Keys, file: str) -> SceneError:
-    """SceneError with a text of one line, for any names in the scene."""
-    return SceneError(shorten(message, 2000), key=key_text(path), file=shorten(file, 1000))
+def scene_error(message: str, path: Keys, file: str, others: Sequence[str] = ()) -> SceneError:
+    """SceneError with a text of one line, for any names in the scene; others: further mistakes."""
+    short, *more = (shorten(text, LONGEST_MISTAKE) for text in (message, *others))
+    return SceneError(short, key=key_text(path), file=shorten(file, 1000), others=more)
 
 
 MAX_BYTES = 4 * 1024 * 1024
@@ -299,6 +310,7 @@ _HEX = re.compile(r"(0x[0-9a-fA-F]+|0o[0-7]+)\Z")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?\Z")
 _INF = re.compile(r"[-+]?\.(inf|Inf|INF)")
 _NO_BLANK = re.compile(r"[\s{-]*(\w+):([^\s:].*)")
+_NO_COLON = re.compile(r"\s*([A-Za-z_]\w*)\s*")
 _NUMBER_STARTS = "0123456789+-."
 _NAN = re.compile(r"\.(nan|NaN|NAN)")
 
@@ -351,19 +363,23 @@ def parse(text: str, file: str) -> Any:
         lines = text.split("\n")
         if mark and mark.line < len(lines) and lines[mark.line][mark.column :].startswith("\t"):
             problem = "found a tab; must be spaces"
-        problem += _blank_missing(lines, mark.line) if mark else ""
+        problem += _near_by(lines, mark.line) if mark else ""
         raise scene_error(f"is not YAML: {where}{problem}", (), file) from None
     except (yaml.YAMLError, UnicodeError) as error:
         first_line = next(iter(str(error).splitlines()), "syntax error")
         raise scene_error(f"is not YAML: {first_line}", (), file) from None
 
 
-def _blank_missing(lines: list[str], at: int) -> str:
-    """Text that names line `at` or the one above if a value follows its colon without a blank: the
-    parser takes `mass:1` and the line below as one text, and fails behind it."""
-    for i in (at, at - 1):
-        if found := _NO_BLANK.match(lines[i] if 0 <= i < len(lines) else ""):
+def _near_by(lines: list[str], at: int) -> str:
+    """Text that names line `at` or one of the two above if a colon is missing in it, or a blank
+    after its colon: the parser takes `mass:1` and the line below as one text, and fails behind
+    it."""
+    for i in (at, at - 1, at - 2):
+        line = lines[i] if 0 <= i < len(lines) else ""
+        if found := _NO_BLANK.match(line):
             return f"; line {i + 1} needs a blank after the colon: {': '.join(found.groups())}"
+        if i < at and (word := _NO_COLON.fullmatch(line)):
+            return f"; line {i + 1} needs a colon: {word[1]}:"
     return ""
 
 

@@ -166,7 +166,7 @@ def refuse_logs(folder: Path, what: str, instead: str) -> None:
         raise RbSimError(f"{what}: {folder}: cannot be read: {error.strerror}") from None
     if there:
         raise RbSimError(
-            f"{what}: {folder} has {', '.join(there)} already; use another folder, {instead}"
+            f"{what}: {folder} already contains {', '.join(there)}; use another folder, {instead}"
         )
 
 

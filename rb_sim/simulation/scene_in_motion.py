@@ -572,7 +572,11 @@ class SceneInMotion(InSteps):
         return SampleRow(self.time, out[0], self._applied(out)[0])
 
     def apply_wrench(
-        self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
+        self,
+        body: str,
+        force: Sequence[float] = (0.0, 0.0, 0.0),
+        torque: Sequence[float] = (0.0, 0.0, 0.0),
+        frame: str = "world",
     ) -> None:
         """Command a wrench on a body, held until the next call for that body or a reset.
 

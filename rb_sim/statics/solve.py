@@ -203,6 +203,8 @@ def explain_state(
         return "at the limit: " + "; ".join(finding.words for finding in findings)
     if verdict == "equilibrium":
         count = len(reactions)
+        if not count:
+            return "equilibrium: the loads balance without a reaction"
         return f"equilibrium: {count} reaction{'' if count == 1 else 's'}, each with one value"
     loose = [name for name, span in ranges.items() if not span.determinate]
     endless = [

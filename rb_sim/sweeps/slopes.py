@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -40,6 +41,10 @@ class Slope(NamedTuple):
     """by integrated sensitivities; NaN if not available (see Slopes.why)."""
     difference: float
     """central difference of two runs; NaN if one of them failed."""
+
+    def texts(self) -> tuple[str, ...]:
+        """The exact derivative and the difference; "not known" instead of NaN."""
+        return tuple("not known" if math.isnan(of) else f"{of:.9g}" for of in self)
 
 
 class Slopes(NamedTuple):

@@ -131,8 +131,8 @@ def _figure(title: str, figure: Any) -> str:
     figure.update_layout(
         template="plotly_white", colorway=CYCLE, margin={"l": 70, "r": 20, "t": 50, "b": 50}
     )
-    figure.update_xaxes(exponentformat="power")
-    figure.update_yaxes(exponentformat="power")
+    for axis in ("xaxis", "yaxis"):  # of the template: those of a scatter matrix exist later
+        figure.layout.template.layout[axis].exponentformat = "power"
     shown = figure.to_html(full_html=False, include_plotlyjs=False)
     return f"<h2>{html.escape(title)}</h2>{shown}"
 
@@ -177,20 +177,32 @@ def picked_columns(varied: list[str], outputs: list[str], most: int) -> list[str
     return [*chosen, *outputs[: most - len(chosen)]]
 
 
-def index_bars(indices: dict[str, dict[str, tuple[float, float]]]) -> str:
+class Index(NamedTuple):
+    """Sobol indices of an output for a varied number."""
+
+    first: float
+    total: float
+    first_interval: float
+    """half of the 95 % confidence interval, by bootstrap."""
+    total_interval: float
+
+
+def index_bars(indices: dict[str, dict[str, Index]]) -> str:
     """HTML with first-order and total Sobol indices; "" without indices."""
     from plotly import graph_objects as go
 
     sections = []
     for output, by_name in indices.items():
-        names = list(by_name)
-        figure = go.Figure(
-            [
-                go.Bar(name="first order", x=names, y=[by_name[n][0] for n in names]),
-                go.Bar(name="total", x=names, y=[by_name[n][1] for n in names]),
-            ]
+        names, found = list(by_name), list(by_name.values())
+        bars = (
+            ("first order", [i.first for i in found], [i.first_interval for i in found]),
+            ("total", [i.total for i in found], [i.total_interval for i in found]),
         )
-        figure.update_layout(barmode="group", height=320, yaxis_title="Sobol index")
+        figure = go.Figure(
+            [go.Bar(name=n, x=names, y=y, error_y={"array": half}) for n, y, half in bars]
+        )
+        title = "Sobol index, 95 % interval"
+        figure.update_layout(barmode="group", height=320, yaxis_title=title)
         sections.append(_figure(f"Sensitivity of {output}", figure))
     return "".join(sections)
 
@@ -334,8 +346,8 @@ class Report(NamedTuple):
     runs: int
     failed: int
     extremes: tuple[Extreme, ...]
-    indices: dict[str, dict[str, tuple[float, float]]]
-    """output -> varied name -> (first-order, total Sobol index); {} without saltelli."""
+    indices: dict[str, dict[str, Index]]
+    """output -> varied name -> Sobol indices; {} without saltelli."""
     slopes: Slopes
 
 
@@ -432,7 +444,7 @@ def _write_scenes(loaded: LoadedPlan, table: RunTable, rows: list[int], folder: 
 
 def sobol_indices(
     loaded: LoadedPlan, table: RunTable, outputs: list[str]
-) -> dict[str, dict[str, tuple[float, float]]]:
+) -> dict[str, dict[str, Index]]:
     """First-order and total Sobol indices of each output for each drawn name (Saltelli 2010).
 
     {} unless the sampling is saltelli without a grid, and all runs completed.
@@ -450,8 +462,9 @@ def sobol_indices(
         if not np.isfinite(y).all() or np.ptp(y) == 0.0:
             continue
         found = sobol.analyze(saltelli_problem(names), y, calc_second_order=False, seed=plan.seed)
-        pairs = zip(found["S1"].tolist(), found["ST"].tolist(), strict=True)
-        indices[output] = dict(zip(names, pairs, strict=True))
+        columns = (found[key].tolist() for key in ("S1", "ST", "S1_conf", "ST_conf"))
+        each = (Index(*row) for row in zip(*columns, strict=True))
+        indices[output] = dict(zip(names, each, strict=True))
     return indices
 
 
@@ -465,18 +478,21 @@ def _summary(loaded: LoadedPlan, table: RunTable) -> str:
     return "".join(f"<p>{html.escape(line)}</p>" for line in lines)
 
 
+SLOPE_HEADS = ("derivative of", "by", "exact", "difference of two runs")
+
+
 def _slopes_section(found: Slopes, table: RunTable) -> str:
     """HTML table of derivatives, exact and by differences."""
     rows = [
-        (table.label(output), table.label(name), f"{slope.exact:.9g}", f"{slope.difference:.9g}")
+        (table.label(output), table.label(name), *slope.texts())
         for output, by_name in found.by_output.items()
         for name, slope in by_name.items()
     ]
     if not rows:
         return ""
     at = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
-    why = f"<p>Not exact: {html.escape(found.why)}</p>" if found.why else ""
-    shown = _table(("d", "/ d", "exact", "difference of two runs"), rows)
+    why = f"<p>No exact derivatives: {html.escape(found.why)}</p>" if found.why else ""
+    shown = _table(SLOPE_HEADS, rows)
     return f"<h2>Derivatives at {html.escape(at)}</h2>{why}{shown}"
 
 

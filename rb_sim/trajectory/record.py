@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 
 class ByName(dict[str, T]):
-    """A dict whose KeyError names the requested and the allowed keys.
+    """A read-only dict whose KeyError names the requested and the allowed keys.
 
     what: word for a value in the message.
     """
@@ -47,6 +47,11 @@ class ByName(dict[str, T]):
     def __missing__(self, name: object) -> T:
         allowed = f"must be {one_of(name, self)}" if self else "there is none in this run"
         raise UnknownNameError(f"{self._what}: got {name!r}; {allowed}")
+
+    def __setitem__(self, name: str, value: T) -> None:
+        raise RbSimError(
+            f"{name}: samples are read-only; the state of a simulation is set by set_state"
+        )
 
     def __reduce__(self) -> tuple[type[ByName[T]], tuple[str, dict[str, T]]]:
         return ByName, (self._what, dict(self))
@@ -242,7 +247,8 @@ def state_of(run: Record, sample: int) -> State:
     block, bodies = run.block, run.layout.bodies
 
     def rows(name: str) -> Mapping[str, Array]:
-        values = getattr(block, name)[sample]
+        values = getattr(block, name)[sample].view()
+        values.flags.writeable = False  # a copy of the state: a change would have no effect
         return ByName("body", {body: values[i] for i, body in enumerate(bodies)})
 
     return State(float(run.t[sample]), **{name: rows(name) for name in columns})

@@ -24,6 +24,7 @@ def reported(count: int) -> dict:
         "sources": {f"/robot{k}/pose": source for k in range(count)},
         "bodies": {f"/robot{k}/pose": {"note": "too few"} for k in range(count)},
         "balance": None,
+        "events": [],
         "balances": {},
         "constraints": None,
         "contacts": None,

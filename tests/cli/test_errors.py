@@ -86,7 +86,10 @@ def test_bad_scene(name, tmp_path):
             )
             for verb in ("run", "statics", "explain", "linearize", "accuracy")
         ),
-        (("statics", "pendulum", "--set", "a"), "error: --set a: must be KEY=VALUE with a path"),
+        (
+            ("statics", "pendulum", "--set", "a"),
+            "error: Invalid value for --set: got 'a'; must be KEY=VALUE, e.g.",
+        ),
         (
             ("run", "a.yaml", "b.yaml"),
             "error: Got unexpected extra argument (b.yaml); see rb_sim run --help",

@@ -72,7 +72,11 @@ def test_a_second_run_into_a_folder_is_refused_in_one_line_unless_asked_for(tmp_
     again = run(tmp_path / "o", "--rate", "7")
     assert again.exit_code == 2
     (line,) = again.output.splitlines()
-    assert line.startswith("error: --out: ") and "bag already" in line and "--overwrite" in line
+    assert (
+        line.startswith("error: --out: ")
+        and "already contains bag" in line
+        and "--overwrite" in line
+    )
     assert bag.read_bytes() == before
     assert run(tmp_path / "o", "--rate", "7", "--overwrite").exit_code == 0
     assert bag.read_bytes() != before
@@ -90,7 +94,7 @@ def test_a_run_that_is_simulated_again_replaces_no_other_run(tmp_path):
     again = ("resim", tmp_path / "a/bag", "--out", tmp_path / "b")
     refused = invoke(*again)
     (line,) = refused.output.splitlines()
-    assert refused.exit_code == 2 and "bag already" in line and "--overwrite" in line
+    assert refused.exit_code == 2 and "already contains bag" in line and "--overwrite" in line
     assert invoke(*again, "--overwrite").exit_code == 0
 
 

@@ -227,6 +227,12 @@ def refit_two() -> dict[str, Any]:
     return {"found": found, "seen": seen, "residuals": residuals}
 
 
+def test_an_angle_in_degrees_starts_from_its_radians():
+    turn = {"orientation": {"axis": [0, 1, 0], "angle": "20 deg"}}
+    (number,) = free_numbers({"bodies": {"rod": turn}}, ["bodies.rod.orientation.angle"])
+    assert number.start == pytest.approx(np.pi / 9.0, rel=1e-15)
+
+
 def test_bodies_at_instants_of_their_own():
     """Neither body is laid beside the instants of the other; attitudes without noise do not make
     the positions' smaller; a mass that has no effect stays where it was."""

@@ -106,5 +106,5 @@ def test_it_replaces_what_it_left_and_shows_plots_that_are_drawn(tmp_path: Path)
 def test_logs_of_somebody_else_stay(tmp_path: Path) -> None:
     (tmp_path / "plots.png").write_text("mine")
     done = demonstrated(tmp_path)
-    assert done.returncode == 1 and "has plots.png already" in done.stderr
+    assert done.returncode == 1 and "already contains plots.png" in done.stderr
     assert (tmp_path / "plots.png").read_text() == "mine"

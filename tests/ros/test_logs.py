@@ -39,7 +39,7 @@ def test_an_earlier_bag_is_not_replaced_unless_asked(sphere, start, tmp_path):
     file.write_bytes(b"of an earlier run")
     first = start(sphere, ready=False, out=out, **LOGGING)
     assert first.wait() == 1
-    assert f"parameter out: {out} has bag already" in first.text
+    assert f"parameter out: {out} already contains bag" in first.text
     assert "overwrite:=true" in first.text and "Traceback" not in first.text
     assert file.read_bytes() == b"of an earlier run"
     second = start(sphere, out=out, overwrite=True, **{**LOGGING, "duration": 0.2})
@@ -60,7 +60,7 @@ def test_time_in_the_name_gives_every_run_a_folder(sphere, start, tmp_path):
 def test_any_log_in_the_folder_counts(log, tmp_path: Path):
     assert out_folder(str(tmp_path), overwrite=False) == tmp_path
     (tmp_path / log).touch()
-    with pytest.raises(RbSimError, match=f"has {log} already"):
+    with pytest.raises(RbSimError, match=f"already contains {log}"):
         out_folder(str(tmp_path), overwrite=False)
     assert out_folder(str(tmp_path), overwrite=True) == tmp_path
 
@@ -83,7 +83,7 @@ def test_a_folder_is_one_process_s_and_what_came_meanwhile_is_not_replaced(tmp_p
             one.close()
     assert not said
     (tmp_path / "run" / "recording.rrd").touch()
-    with pytest.raises(RbSimError, match=r"has recording\.rrd already"):
+    with pytest.raises(RbSimError, match=r"already contains recording\.rrd"):
         claim(tmp_path / "run", overwrite=False)
 
 

@@ -161,6 +161,13 @@ def test_millimetres_get_one_line_with_the_metres():
         assert lines({"bodies": {"ball": ball}, "effects": WEIGHT}) == []
 
 
+def test_a_weightless_body_at_rest_gets_none():
+    rod = {"shape": {"type": "rod", "length": 1.0}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_statics({"bodies": {"a": rod}})
+
+
 def test_a_harmonic_force_without_a_frequency_gets_one_line():
     push = {"type": "wrench", "body": "a", "sine_torque": [0, 0, 1]}
 
@@ -315,6 +322,20 @@ def with_law(part: str, **keys: Any) -> dict[str, Any]:
         (with_law("constraints", type="ball_joint", body="a"), "must be fixed_point, or one of"),
         (with_law("constraints", type="contact", body="a", mu=0.3), "must be friction, or one of"),
         (with_law("effects", type="gravity", g=9.81), "must be acceleration, or one of bodies"),
+        (with_law("constraints", type="fixed_axis", body="a", axis=[0, 0, 1]), "must be axis_B,"),
+        # what belongs elsewhere
+        (ball(fixed=True), "bodies.a.fixed: unknown key; must be omitted: leave out a body that"),
+        (ball(friction=0.3), "bodies.a.friction: unknown key; must be a key of a constraint of"),
+        (with_law("effects", type="fixed_point", body="a"),
+         "effects.law.type: got 'fixed_point'; must be listed under constraints, or here one of"),
+        (with_law("constraints", type="gravity"), "got 'gravity'; must be listed under effects,"),
+        # a decimal comma within braces
+        (ball(**{"5": None}), "bodies.a.5: unknown key; must be omitted (a decimal number has a"),
+        # names of types have the keys that each needs
+        (with_law("constraints", type="contact", body="a", friction=0.3), "coulomb (static), "),
+        (with_law("constraints", type="translation", body="a", guide=[1, 0, 0]),
+         "must be a mapping {type: NAME, KEY: ...}; NAME is one of circle (center, normal, radius"),
+        (ball(shape="ball"), "NAME is sphere (radius), or one of box (size), cylinder (radius,"),
         # a body is named
         (with_law("constraints", type="rolling"), "law.body: is missing; must be the name of a"),
         (with_law("effects", type="spring"), "effects.law.body: is missing; must be the name of a"),
@@ -334,6 +355,49 @@ def with_law(part: str, **keys: Any) -> dict[str, Any]:
 )  # fmt: skip
 def test_a_wrong_key_or_value_gets_one_line_with_the_nearest_name_first(data, words):
     assert words in one_error(data)
+
+
+def test_an_error_has_a_line_for_each_mistake():
+    with pytest.raises(SceneError) as caught:
+        load_scene(ball(mass=-1.0, position=[0, 0]) | {"simulation": {"rate": 0}})
+    assert str(caught.value).startswith("<scene>: bodies.a.mass: got -1.0; must be a number > 0; ")
+    assert caught.value.lines == (
+        "<scene>: bodies.a.mass: got -1.0; must be a number > 0",
+        "<scene>: bodies.a.position: got [0, 0]; must be 3 numbers [x, y, z]",
+        "<scene>: simulation.rate: got 0; must be a number > 0",
+    )
+
+
+@pytest.mark.parametrize("law", ["spring", "wrench"])
+def test_an_effect_without_a_force_gets_one_line(law):
+    assert any(
+        line.startswith("<scene>: effects.e: does nothing: ")
+        for line in lines(scene([0, 0, 0, 1], effects=WEIGHT | {"e": {"type": law, "body": "a"}}))
+    )
+    key = {"spring": {"stiffness": 0.0}, "wrench": {"torque": [0, 0, 1]}}[law]
+    given = {"e": {"type": law, "body": "a"} | key}
+    assert lines(scene([0, 0, 0, 1], effects=WEIGHT | given)) == []
+
+
+def test_a_scene_of_bodies_at_rest_is_named_as_such():
+    rod = {"shape": {"type": "rod", "length": 1.0}}
+    text = one_error({"bodies": {"a": rod}, "supports": {"s": {"type": "hinge", "body": "a"}}})
+    assert "is for rb_sim statics only: bodies.a.mass: is missing" in text
+
+
+HINGE = {"hinge": {"type": "fixed_axis", "body": "a", "axis_B": [0, 0, 1]}}
+
+
+def test_a_start_that_a_joint_does_not_allow_names_the_nearest_one_that_it_does():
+    """A rod of 1 m on a hinge at its end: of all spins that with the least error of momenta,
+    w = 3 v / (2 l)."""
+    rod = {"mass": 1.0, "shape": {"type": "rod", "length": 1.0, "axis_B": [1, 0, 0]}}
+    rod["shape"]["center_B"] = rod["center_of_mass"] = [0.5, 0, 0]
+    data = {"bodies": {"a": rod | {"linear_velocity": [0, 1, 0]}}, "constraints": HINGE}
+    with pytest.raises(SceneError, match=r"use linear_velocity \[0, 0, 0\], angular_velocity "
+                       r"\[0, 0, 1.5\] or set simulation.project_initial"):  # fmt: skip
+        Simulation(data)
+    Simulation({**data, "bodies": {"a": rod | {"angular_velocity": [0, 0, 1.5]}}})
 
 
 def test_a_list_of_names_is_short():

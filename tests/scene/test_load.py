@@ -126,7 +126,7 @@ MESSAGES = [
         "bodies.ball.shape.type: got 'spere'; must be sphere, or one of box, cylinder, disk, "
         "ellipsoid, rod",
     ),
-    ("[0, 0, 0.1]", "[0, 0]", "bodies.ball.position: got [0, 0]; must be 3 numbers"),
+    ("[0, 0, 0.1]", "[0, 0]", "bodies.ball.position: got [0, 0]; must be 3 numbers [x, y, z]"),
     ("[0, 0, 0.1]", "[0, 0, x]", "bodies.ball.position[2]: got 'x'; must be a number"),
     (
         "[0.2, 0.2, 0.01]",
@@ -201,9 +201,9 @@ MESSAGES = [
     (
         "{type: rolling, body: ball}",
         "rolling",
-        "constraints.floor: got 'rolling'; must be a mapping {type: NAME}; NAME is rolling, "
-        "or one of contact, distance, fixed_axis, fixed_point, free, parallel, plane, string, "
-        "translation, velocity, weld",
+        "constraints.floor: got 'rolling'; must be a mapping {type: NAME, KEY: ...}; NAME is "
+        "rolling, or one of contact, distance (point_A), fixed_axis (axis_B), fixed_point, free, "
+        "parallel (axis_B), plane (normal_A), string (point_A), translation, velocity, weld",
     ),
     (
         "{type: fixed_point, body: rod,",
@@ -475,8 +475,11 @@ def test_the_beginning_of_a_key_is_understood(section: str, word: str, meant: st
 @pytest.mark.parametrize(
     ("entry", "line"),
     [
-        ({"type": "translation", "guide": "line"}, "guide: got 'line'; .*NAME is line, or one of"),
-        ({"type": "translation", "guide": 3}, "guide: got 3; .*NAME is one of circle, curve, line"),
+        (
+            {"type": "translation", "guide": "line"},
+            "guide: got 'line'; .*NAME is line .direction., or",
+        ),
+        ({"type": "translation", "guide": 3}, "guide: got 3; .*NAME is one of circle "),
         ({"type": "contact", "surface": "plane"}, "surface: got 'plane'; .*NAME is plane, or one"),
     ],
 )

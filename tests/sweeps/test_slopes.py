@@ -93,6 +93,7 @@ def test_a_median_at_an_end_of_what_is_allowed_has_no_slope_and_says_why(tmp_pat
     found = slopes(PlanRunner(load_plan(description)), point, spread)
     assert found.why.startswith("flat: ") and "inertia" in found.why
     assert np.isnan(found.by_output["end"]["flat"].exact)
+    assert found.by_output["end"]["flat"].texts()[0] == "not known"
     assert found.by_output["end"]["speed"].exact == pytest.approx(0.5, abs=1e-12)
 
 

@@ -57,6 +57,9 @@ class Analysis:
     bodies: dict[str, BodyFigures] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    """lines about what is wrong with the recording, or not known."""
+    events: list[str] = field(default_factory=list)
+    """lines about recorded impacts."""
     balance: dict[str, Any] | None = None
     """energy and momentum balance of a run of rb_sim."""
     balances: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -92,6 +95,7 @@ class Analysis:
         return {
             "bag": self.name,
             "notes": self.notes,
+            "events": self.events,
             "sources": {
                 name: {
                     "kind": self.kinds[name],
@@ -226,7 +230,8 @@ BALANCED = 1e-3
 def _verdict(found: Analysis) -> str:
     """HTML: the recording, its problems, and whether the balances hold."""
     count = sum(figures.rates.count for figures in found.figures.values())
-    recorded = [*found.facts, f"{len(found.figures)} sources, {count} readings", found.name]
+    sources = f"{len(found.figures)} sources, {count} readings"
+    recorded = [*found.facts, *found.events[:MOST], sources, found.name]
     gaps = [
         f"{name}: {rates['gaps']} gaps, the longest {rates['longest_gap']:.3g} s"
         for name, figures in found.figures.items()
@@ -391,7 +396,7 @@ class _Page:
             return
         thinned = Envelope(values.shape[1], self._points // 4)  # it keeps up to 4 times that
         thinned.add(t, values)
-        across, values = thinned.curves()
+        across, values = _broken(*thinned.curves(), figures)
         axis = None
         for unit, which in _groups(name, figures).items():
             size = float(sizes_beside(name, figures, self._sizes)[which].max())
@@ -461,13 +466,21 @@ def _groups(name: str, figures: Figures) -> dict[str, list[int]]:
     return groups
 
 
+def _broken(t: np.ndarray, values: np.ndarray, figures: Figures) -> tuple[np.ndarray, np.ndarray]:
+    """The curves with a row of NaN in each gap, over which the page draws no line."""
+    gaps = figures.rates.as_dict()["first_gaps"]
+    middles = np.array([gap["after"] + 0.5 * gap["seconds"] for gap in gaps])
+    at = np.searchsorted(t, middles)
+    return np.insert(t, at, middles), np.insert(values, at, np.nan, axis=0)
+
+
 def _lines(names: list[str], values: np.ndarray) -> list[dict[str, Any]]:
     """One plotted curve for each column of values."""
     lines = []
     for k, (name, column) in enumerate(zip(names, values.T, strict=True)):
         color = AXES["xyzw".index(name[-1])] if name[-1] in "xyzw" else CYCLE[k % len(CYCLE)]
         shown = "" if name == "value" else name  # the title says what it is
-        lines.append({"name": shown, "color": color, "y": packed(np.nan_to_num(column))})
+        lines.append({"name": shown, "color": color, "y": packed(column)})
     return lines
 
 

@@ -211,10 +211,12 @@ class Struck:
         if not self.samples:
             return ""
         at = first_few([f"{t:.6g}" for t in self._first], self.count, EVENT_COLUMNS)
-        what = "has impacts" if self.by_events else "jumps, or moves too fast for the sample rate,"
         times = "once" if self.count == 1 else f"{self.count} times"
+        what = f"jumps, or moves too fast for the sample rate, {times}"
+        if self.by_events:
+            what = f"has {self.count} impact{'' if self.count == 1 else 's'}"
         return (
-            f"{what} {times} (t = {at} s): poses within {self._reach:.2g} s are not "
+            f"{what} (t = {at} s): poses within {self._reach:.2g} s are not "
             "differentiated; "
             f"{self.samples} of {self.of} samples are excluded from its motion and wrench"
         )
@@ -482,9 +484,15 @@ class BodyFigures:
 
     @property
     def notes(self) -> list[str]:
-        """Warnings on accuracy, and on excluded samples."""
+        """Warnings on accuracy, and on samples that are excluded for a jump."""
         peaks = "" if error_at(self._turn) > COARSE else self._peaks.note
-        return [line for line in (self._struck.note, peaks, self._quality) if line]
+        jumps = "" if self._struck.by_events else self._struck.note
+        return [line for line in (jumps, peaks, self._quality) if line]
+
+    @property
+    def events(self) -> list[str]:
+        """A line with the recorded impacts and the samples excluded for them, if any."""
+        return [self._struck.note] if self._struck.by_events and self._struck.note else []
 
     @property
     def _quality(self) -> str:

@@ -246,7 +246,7 @@ def sizes_of(sources: Iterable[tuple[str, Figures]], length: float) -> dict[str,
     """Largest absolute value for each unit.
 
     length: reach r [m] of the bodies from their origins. A spin w then counts as a speed r w, and a
-    force F as a torque F r.
+    force F as a torque F r; a force F at a speed v is a power F v.
     """
     sizes: dict[str, float] = {}
     for name, figures in sources:
@@ -256,6 +256,7 @@ def sizes_of(sources: Iterable[tuple[str, Figures]], length: float) -> dict[str,
     sizes["m"] = max(sizes.get("m", 0.0), length)
     sizes["m/s"] = max(sizes.get("m/s", 0.0), length * sizes.get("rad/s", 0.0))
     sizes["N m"] = max(sizes.get("N m", 0.0), length * sizes.get("N", 0.0))
+    sizes["W"] = max(sizes.get("W", 0.0), sizes.get("N", 0.0) * sizes["m/s"])
     return sizes
 
 

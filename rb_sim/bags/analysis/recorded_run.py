@@ -345,6 +345,7 @@ def analyze(
     for name, body in found.bodies.items():
         body.finish()
         found.notes += [f"{name}: {line}" for line in body.notes]
+        found.events += [f"{name}: {line}" for line in body.events]
     source.finish()
     if not found.figures:
         kinds = ", ".join(sorted(set(found.other_topics.values())))

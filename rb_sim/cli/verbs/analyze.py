@@ -79,6 +79,8 @@ def _print(summary: dict[str, Any]) -> None:
         print(f"and {len(summary['sources']) - SHOWN} more sources{ELSEWHERE}")
     for line in _first(_body_lines(summary), "bodies"):
         print(line)
+    for line in _first(summary["events"], "lines about impacts"):
+        print(line)
     _print_balance(summary)
 
 

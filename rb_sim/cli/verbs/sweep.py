@@ -97,7 +97,7 @@ def _bar(runs: int) -> Iterator[Callable[[int, int, int], None]]:
 
 def sweep_report(folder: Path) -> int:
     """Write the report of a sweep and print its main figures; returns the exit code 0."""
-    from rb_sim.sweeps.sweep_page import report
+    from rb_sim.sweeps.sweep_page import SLOPE_HEADS, report
 
     result = report(folder)
     console = plain_console()
@@ -109,17 +109,19 @@ def sweep_report(folder: Path) -> int:
     if result.indices:
         indices = Table("output", "varied", "first order", "total")
         for output, by_name in result.indices.items():
-            for name, (first, total) in by_name.items():
-                indices.add_row(output, name, f"{first:.3f}", f"{total:.3f}")
+            for name, index in by_name.items():
+                first = f"{index.first:.3f} ± {index.first_interval:.3f}"
+                total = f"{index.total:.3f} ± {index.total_interval:.3f}"
+                indices.add_row(output, name, first, total)
         console.print(indices)
     if any(result.slopes.by_output.values()):
-        slopes = Table("d", "/ d", "exact", "difference of two runs")
+        slopes = Table(*SLOPE_HEADS)
         for output, by_name in result.slopes.by_output.items():
             for name, slope in by_name.items():
-                slopes.add_row(output, name, f"{slope.exact:.9g}", f"{slope.difference:.9g}")
+                slopes.add_row(output, name, *slope.texts())
         console.print(slopes)
         if result.slopes.why:
-            print(f"not exact: {result.slopes.why}")
+            print(f"no exact derivatives: {result.slopes.why}")
     for path in (result.html, *result.pictures):
         print(f"wrote {path}")
     return 0

@@ -201,8 +201,8 @@ MOVED = 10.0
 would by more, and by more than errors do, it has not ended, but turned."""
 
 DEPENDENT = 1e-5
-"""Singular value of the rows at rest, relative to the largest, from which on their pivots, which
-are its squares, tell that they do not depend on each other."""
+"""Singular value of the rows of contacts at rest, relative to the largest, below which the
+pivots (squares of singular values) are too inaccurate to show whether the rows are independent."""
 
 
 def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
@@ -264,7 +264,7 @@ would take a hundred million, hours. A box on steel takes fewer for several unit
 rim that comes to touch all round in a bowl takes them for 1e-4 to 6e-4."""
 
 ROUNDING = 1e-13
-"""Of the work of contacts, relative to the energy of a scene."""
+"""Rounding error of the work of contacts, relative to the energy of the scene."""
 IMPACTS_AT_ONCE = 20
 """Impacts one by one at an instant, for each contact, that are taken to have no end."""
 

@@ -108,8 +108,8 @@ OF_PLACES = 1e-3
 """Difference of places, in lengths of the scene, over the slowest slip, in its speeds: a support
 that turns makes a slip of it."""
 MOST = 1e-8
-"""Bound of the difference of places, in lengths of the scene, and of quaternions: above, the bend
-of the equations counts; below COMPUTED_ROUNDING, rounding."""
+"""Largest increment of finite differences, in lengths of the scene for positions, absolute for
+quaternions: a larger one is affected by curvature, one below COMPUTED_ROUNDING by rounding."""
 FASTEST = 1e-3
 """Slip, in speeds of the scene, beyond which differences do not grow with it."""
 
@@ -229,8 +229,8 @@ NOISE = 30.0
 """Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
 turn it about where steps that keep the tolerance are too long for its stiffness."""
 CREEP = 1e-9
-"""Slip, relative to the scene's speed, below which contacts that give way creep in steps of an
-adaptive method; above, implicit steps follow it."""
+"""Slip, relative to the speed of the scene, below which compliant contacts creep in steps of an
+adaptive method; above it, implicit steps follow the slip."""
 
 
 def slow_slips(system: Any, method: Any) -> dict[str, float]:

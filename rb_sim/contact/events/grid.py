@@ -73,7 +73,8 @@ STOP_PART, LEAST_PART, LEAST_TURNED = 0.75, 0.04, 0.001
 """Parts of the time in which a slip would vanish at its present rate that one step may take: if
 nothing turns it aside, however fast friction may do so, and however fast it does."""
 LAST_STEP, ENDED = 1e-10, 1e-13
-"""Times (natural units) that are left at which one step more ends a slip, and at which it has."""
+"""Remaining times of a slip (natural units): at LAST_STEP one more step ends it, at ENDED it has
+ended."""
 FAINT = 10.0 * NUDGE * SHARP
 """Rate at which a slip or a rolling falls that may be the error of its nudge: one that has just
 begun does not slow down for it."""
@@ -92,7 +93,8 @@ SLOW = 1e-3
 ASIDE = 1e-2
 """Sine of the angle up to which errors turn a slip that ends by too little to hold up its end."""
 STRAIGHT = 1e-6
-"""Sine of the angle up to which a step has not turned a slip: its direction is not lost in it."""
+"""Sine of the angle by which a slip may turn in a step and still count as straight, so that its
+direction is known."""
 
 
 @inline

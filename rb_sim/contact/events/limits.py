@@ -170,11 +170,14 @@ def refuse_to_be_dragged_off(
 
 
 AIMED = 1e-8
-"""Angle [rad] by which the point that it tips over may be missed."""
+"""Angle [rad] between the wanted and the present direction of the first contact point of a flat
+rim up to which the point stays where it is."""
 BORNE = 1e-6
-"""Distance of what a rim bears from its middle, in radii, that is none."""
+"""Distance of the centre of pressure of a flat rim from its middle, in radii, below which its
+direction is not used."""
 SLOW = 1e-7
-"""Turning, in natural units, at which what it bears counts more."""
+"""Rate of tilting of a flat rim, in natural units, up to which the centre of pressure decides
+where its first contact point is; above, the direction of tilting does."""
 
 
 class Rim(NamedTuple):

@@ -98,9 +98,10 @@ from rb_sim.numerics.vectors import dot, norm, scale, sub, unrotate
 
 
 LOCATED = 1e-15
-"""Depth below zero, in natural units, at which an event counts as located."""
+"""Value of an event function below zero, in natural units, at which the event counts as located."""
 FLOOR = 3e-16
-"""Part of the time that is hardly more than its rounding."""
+"""Smallest width of a bracket of an event, relative to the time: hardly more than the rounding
+of the time."""
 REFINED = 6
 """Steps of Newton's method for the zero of a cubic."""
 EARLY, LATE, BEGIN, END = 0, 2, 4, 6
@@ -678,9 +679,10 @@ def lighter(system, c):
 
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
-"""The direction of a slip that vanishes is lost in rounding at the very end, and may turn ever
-faster before: steps towards that instant, located to the part ROUGH of what is left, shrink by
-GRADE each, down to APPROACH (natural units)."""
+"""Steps towards the instant at which a slip vanishes. Its direction may turn ever faster before,
+and is lost in rounding at the very end. The instant is located to the fraction ROUGH of the
+remaining time, steps shrink by the factor GRADE, and end at the remaining time APPROACH (natural
+units)."""
 
 CUTS = 40
 """The most cuts of a step for the leans of rims."""

@@ -152,7 +152,8 @@ def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:
 
 
 LEAST_MARGIN = 1e-11
-"""Margin, relative to the largest reaction, that is none: here something gives."""
+"""Margin of the reactions to their bounds, relative to the largest reaction, below which a
+contact is at its bound and opens or slips."""
 
 
 class Reactions(NamedTuple):

@@ -282,8 +282,9 @@ SECANTS = 3
 """Steps towards the rebound at which the impulse is Poisson's, which grows with it in straight
 pieces."""
 GAINS = 1e-5
-"""Work of an impact, over impulse times speed of rebound, that creates energy; below is what the
-solvers leave of it (1e-6 where the corners of a box press against each other by friction)."""
+"""Work of an impact, relative to impulse times speed of rebound, above which the impact creates
+energy; solvers leave up to 1e-6, where the corners of a box press against each other by
+friction."""
 LAST, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
 """Of a rebound that creates energy: its impulse [N s] and speed [m/s] at the last try, the impulse
 without a rebound, and Newton's speed; 0 of others."""

@@ -299,9 +299,10 @@ MOST_PARTS = 16
 LEAST_PART = 1.0 / 128.0
 """Of what is left of a step: shorter parts are none."""
 TOUCHES, BEARS, SOON = 1e-9, 0.1, 1e-3
-"""Gap, relative to the scene's length, of what touches, and part of what is left of a step of what
-meets at its ends, or at the start of the next one; part of its speed that it may come nearer
-with and bear, or leave, in that part of the step; what comes nearer faster meets."""
+"""TOUCHES: gap up to which surfaces touch, relative to the length of the scene, and fraction of
+the remaining step within which a contact that meets at its begin or end counts as meeting there.
+A contact whose speed of approach or separation is at most the fraction BEARS of its own speed,
+within the fraction SOON of the step, bears; a faster one meets."""
 FAR_ENOUGH = 4.0
 """Times the way of the fastest surface in a step: a gap that was as large half a step ago is not
 closed in it."""
@@ -453,7 +454,8 @@ def add_up(memory, workspace, number, last, h):
 
 
 REACH = 1e-6
-"""Of the scene's length, by which boxes that are not yet near may be apart and be looked at."""
+"""Margin added to the distance that surfaces can lose in a step, relative to the length of the
+scene: boxes within it are examined for contact."""
 
 
 @inline

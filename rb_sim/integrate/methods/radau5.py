@@ -55,8 +55,8 @@ E = np.array((-(13 + 7 * R6) / 3, (-13 + 7 * R6) / 3, -1 / 3))
 
 
 SLIPS_STALLED = 1e-13
-"""As STALLED, for slips whose velocity determines their direction: they are as slow as 1e-10 of the
-velocities of which they are differences."""
+"""As STALLED, for slow slips whose direction follows from their velocity: they are differences
+of velocities up to 1e10 times larger."""
 
 
 @step(8, implicit=sys.maxsize)

@@ -91,8 +91,8 @@ SOON, RESTS, SLOWER = 2.0, 0.9, 0.5
 creep, and now and then; where they have been faster again, where friction takes as much of its
 bound; and part of the slip at a try that was too early, for the next one."""
 BEGUN, NEVER = 1e-3, 1e-300
-"""Part of the speed of creeping below which a slip has just begun, and the bound below which it may
-then come to rest [m/s]."""
+"""BEGUN: slip, relative to the speed of creeping, up to which a slip has just begun. NEVER: the
+bound [m/s] below which such a slip may come to rest, so small that it does not."""
 
 
 @inline

@@ -196,9 +196,11 @@ NUDGE = 1e-6
 SHARP = 100.0
 """Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
 SPEED_TOLERANCE = 1e-10
-"""Speed, relative to the scene's, that is none: of approach, of slip, of turning."""
+"""Speed of approach, slip or turning, relative to the speed of the scene, up to which it is
+zero."""
 JAMMED = 1e-6
-"""Effective over ideal pivot at which a slipping contact's force has no bound (Painleve)."""
+"""Pivot of a slipping contact with friction, relative to the one without, below which its force
+has no bound (Painleve's paradox)."""
 NEAR_JAM = 1e-3
 """The same, below which a contact is the one that jams where no force or no step is found."""
 

@@ -100,16 +100,16 @@ from rb_sim.numerics.vectors import add, cross, dot, norm, scale, sub
 
 
 NEARLY_FLAT = 1e-7
-"""Tilt [rad] from which on a rim that is going straight to flat keeps its low point; before, it may
-yet be turned aside."""
+"""Tilt [rad] below which a rim that falls straight to flat keeps its lowest point; above, it may
+still be turned aside."""
 MISSED = 0.5 * FLAT
 """Tilt [rad] by which it may miss flat then: as its next point touches, it lies within FLAT."""
 TURNED, LEANS = 0.5, 0.9
 """Cosine of the angle by which the lean of a rim may turn in a step, and sine of the tilt above
 which it may turn as it likes."""
 SHALLOW, PART = 1e-5, 0.02
-"""Tilt [rad] below which rounding turns a lean by more than a tolerance, and the part of the time
-of a swing that a step of order 8 follows to rounding."""
+"""SHALLOW: tilt [rad] below which rounding turns the direction of tilt by more than a tolerance.
+PART: fraction of the time of a swing that a step of order 8 follows to rounding."""
 ROUND, ROUND_PART, NEARER = 0.3, 0.03, 0.5
 """Parts of the time of a swing that a step of fixed length may take; that one takes which is too
 long; and that one takes of a rim that goes straight to flat as yet."""

@@ -315,8 +315,8 @@ def take_least_norm(system: MultiBody, rank: Any) -> None:
 
 
 TIE = 1e-6
-"""Relative excess of a pivot over one of a lower index to be taken first: rounding must not decide
-between equal ones."""
+"""Relative excess of a pivot over one of a lower index above which it is taken first: rounding
+must not decide between equal pivots."""
 
 
 def largest_pivots(n, rank, matrix, chosen, left, factors):

@@ -255,6 +255,7 @@ def test_numbers_are_never_folded(capsys):
             "bodies": {},
             "balance": None,
             "contacts": None,
+            "events": [],
             "balances": {},
             "constraints": None,
         }

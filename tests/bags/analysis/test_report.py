@@ -106,6 +106,19 @@ def test_rounding_beside_the_scene_is_no_motion() -> None:
         assert densities == [f"({unit})²/Hz" for unit in units]
 
 
+def test_a_power_of_rounding_is_not_drawn() -> None:
+    """Beside 1 N at 1 m/s."""
+    wave = np.sin(np.arange(COUNT))
+    moving = {"f": figures_of("wrench", fx=wave), "v": figures_of("twist", vx=wave)}
+    for size, drawn in ((1e-14, False), (1e-3, True)):
+        power = Figures(["value"])
+        power.add(T, size * wave[:, None])
+        kinds = {"f": "wrench", "v": "twist", "power": "scalar"}
+        found = Analysis("bag", figures=moving | {"power": power}, kinds=kinds)
+        titles = [plot["title"] for plot in _Page(found).data()["plots"]]
+        assert ("power" in titles) == drawn
+
+
 def test_a_plot_for_each_unit_in_its_section() -> None:
     """150 rad/s beside 1 m/s; energies are first, their densities in J² per Hz."""
     waves = {name: np.sin((k + 1) * T) for k, name in enumerate(COLUMNS["twist"])}
@@ -167,6 +180,10 @@ def test_gaps_and_paths_are_drawn(tmp_path) -> None:
     text = (tmp_path / "r.html").read_text()
     assert "/b: 1 gaps, the longest 3.02 s" in text and 'class="verdict bad"' in text
     assert text.count(f'height="13" fill="{BAD}"/>') == 1
+    page = _Page(found).data()
+    (x,) = (plot["lines"][0]["y"] for plot in page["plots"] if plot["unit"] == "m")
+    broken = np.flatnonzero(np.isnan(numbers(x)))
+    assert np.array(numbers(page["across"][0]))[broken] == pytest.approx([3.49], abs=0.01)
     drawn = re.search(r'path of /b.*?points="([^"]*)"', text)
     assert drawn is not None
     x, y = np.array([p.split(",") for p in drawn[1].split()], float).T
