@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from rb_sim import SceneError, SceneWarning, load_scene, scenes
+from rb_sim import SceneError, SceneWarning, Simulation, load_scene, scenes
 from rb_sim.scene.listing import shipped_statics
 from rb_sim.statics import load_statics
 
@@ -254,9 +254,8 @@ def test_a_friction_in_degrees_gets_one_line():
 
 def test_a_coefficient_alone_is_refused_with_the_mapping_that_has_it():
     text = one_error(touching(friction=0.5))
-    assert (
-        "friction: got 0.5; must be a mapping {type: NAME} as {type: coulomb, static: 0.5};" in text
-    )
+    assert "friction: got 0.5; must be a mapping {type: NAME, KEY: ...} as {type: coulomb, " in text
+    assert "static: 0.5}; NAME is" in text
     assert " as " not in one_error(touching(friction=-0.5))
 
 
@@ -366,17 +365,6 @@ def test_an_error_has_a_line_for_each_mistake():
         "<scene>: bodies.a.position: got [0, 0]; must be 3 numbers [x, y, z]",
         "<scene>: simulation.rate: got 0; must be a number > 0",
     )
-
-
-@pytest.mark.parametrize("law", ["spring", "wrench"])
-def test_an_effect_without_a_force_gets_one_line(law):
-    assert any(
-        line.startswith("<scene>: effects.e: does nothing: ")
-        for line in lines(scene([0, 0, 0, 1], effects=WEIGHT | {"e": {"type": law, "body": "a"}}))
-    )
-    key = {"spring": {"stiffness": 0.0}, "wrench": {"torque": [0, 0, 1]}}[law]
-    given = {"e": {"type": law, "body": "a"} | key}
-    assert lines(scene([0, 0, 0, 1], effects=WEIGHT | given)) == []
 
 
 def test_a_scene_of_bodies_at_rest_is_named_as_such():
