@@ -33,9 +33,7 @@ if TYPE_CHECKING:
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
-    Between = Callable[[float, Array, float, int], tuple[Array, Array]]
-    """Gives times (n,) and states (n, 13 N) of the motion between t, where its state is y (13 N,),
-    and a later time: so many, or as far as it comes."""
+    Between = Callable[[float, Array, Array], Array | None]
 
 
 class Run(NamedTuple):

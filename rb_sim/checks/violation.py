@@ -23,7 +23,6 @@ from rb_sim.checks.check import Look, Run, Seen
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.scene.compile import compile_motion
-from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
     from rb_sim.catalogue.spec import BodyState
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
-    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
 
@@ -49,31 +47,22 @@ STEPPED = "joints are accurate to first order only; try a smaller step or an eve
 def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
     """Name of the constraint whose violation is largest at sample i; "" where it cannot be
     determined."""
-    compiled = None if layout.contacts else in_maximal_coordinates(scene)
-    if compiled is None or not scene.constraints:
+    if layout.contacts or not scene.constraints:
         return ""
-    system = compiled.system
+    options = scene.simulation.model_copy(update={"project_initial": True})
+    try:
+        projected = scene.model_copy(update={"simulation": options})
+        system = compile_motion(projected, "maximal").system
+    except RbSimError:
+        return ""
     y = coordinates(block, slice(i, i + 1))[0]
     with np.errstate(all="ignore"):
         violations, _ = Manifold(system).violations(float(block.t[i]), y.tolist())
     worst = relative(system, violations, system.length, system.speed).max(axis=0)
-    return owner_of(scene, system, int(np.argmax(worst)))
-
-
-def in_maximal_coordinates(scene: Scene) -> Compiled | None:
-    """The scene compiled in the general formulation, projected; None where that is refused."""
-    options = scene.simulation.model_copy(update={"project_initial": True})
-    try:
-        return compile_motion(scene.model_copy(update={"simulation": options}), "maximal")
-    except RbSimError:
-        return None
-
-
-def owner_of(scene: Scene, system: Any, row: int) -> str:
-    """Name of the constraint to which a row of the system in maximal coordinates belongs."""
     place = InitialPlace(scene)
     owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
-    return owners[part_of(system, row)]
+    part = int(np.searchsorted(system.first_row, int(np.argmax(worst)), side="right")) - 1
+    return owners[part]
 
 
 def residual(run: Run) -> Look:

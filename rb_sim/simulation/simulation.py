@@ -23,7 +23,7 @@ from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.singular_configuration import motion_between, singular_end
+from rb_sim.checks.singular_configuration import rows_between, singular_end
 from rb_sim.checks.step_doubling import Missed, StepDoubling
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
@@ -151,9 +151,9 @@ class Simulation(SceneInMotion):
             self._doubling = StepDoubling(self.scene, self._motion)
         return self._doubling.look()
 
-    def between(self, t: float, y: Array, end: float, count: int) -> tuple[Array, Array]:
-        """The motion between one of its states and a later time (see `motion_between`)."""
-        return motion_between(self._motion, t, y, end, count)
+    def between(self, t: float, y: Array, times: Array) -> Array | None:
+        """The motion at the times, starting from one of its states (see `rows_between`)."""
+        return rows_between(self._motion, t, y, times)
 
     def linearize(self, axes: str = "world", turning: float = 0.0) -> LinearModel:
         """Linear model of small deviations from the motion, about the present state.

@@ -112,7 +112,7 @@ def test_a_singular_configuration_late_in_a_run_is_told() -> None:
     for k in range(20):
         check_list.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
     for piece in pieces(block, 100):
-        check_list.add(piece, TIGHT._replace(between=simulation.between))
+        check_list.add(piece, TIGHT)
     reported = {finding.watch: finding for finding in check_list.findings}
     assert reported["singular configuration"].t == pytest.approx(1.6, abs=2e-3)
 
