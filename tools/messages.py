@@ -65,8 +65,6 @@ SCENES = (
     Message("lighter than any solid", "lengths in millimetres", "kg and m"),
     Message("the harmonic part is zero", "a `wrench` with `sine_force`, without its frequency",
             "`angular_frequency: 6.28`"),
-    Message("has no force, since none of ", "a spring without stiffness, a `wrench` without force",
-            "give one of the keys that are named"),
     Message("nothing moves: ", "no effect, no velocity and no drive",
             "`effects: {weight: {type: gravity}}`"),
     Message("given unless the body has a shape", "a body needs an inertia",

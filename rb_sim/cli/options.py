@@ -18,12 +18,12 @@ from typing import Annotated
 import typer
 
 
-def _key_value(changes: list[str] | None) -> list[str] | None:
+def _key_value(changes: list[str] | None) -> list[str]:
     for change in changes or ():
         if "=" not in change:
             example = "must be KEY=VALUE, e.g. bodies.top.mass=2"
             raise typer.BadParameter(f"got {change!r}; {example}", param_hint="--set")
-    return changes
+    return list(changes or ())  # not None: old typer asks its length
 
 
 Scene = Annotated[

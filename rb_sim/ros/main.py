@@ -118,18 +118,15 @@ def _run(ros_arguments: list[str], options: dict[str, Any], stop: Interruption) 
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
-    from rb_sim.ros.parameters import warn_of_other_nodes
-
     try:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
         node, managed = _make_node(options)
-        warn_of_other_nodes(node, ros_arguments)
     except RbSimError:
         raise
     except Exception as error:  # rclpy's own error types share no base class
         raise _ros_error(error) from None
     try:
-        stop.status = _simulate(node, stop, managed=managed)
+        stop.status = _simulate(node, ros_arguments, stop, managed=managed)
         return stop.status
     finally:
         node.destroy_node()
@@ -177,7 +174,7 @@ def _asked_early(node: Node, name: str, *, default: bool) -> bool:
     return value if isinstance(value, bool) else default
 
 
-def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
+def _simulate(node: Node, ros_arguments: list[str], stop: Interruption, *, managed: bool) -> int:
     """Run the node until its end; returns the exit status.
 
     Imports are delayed so that state, time, parameters and description are published before them.
@@ -189,8 +186,9 @@ def _simulate(node: Node, stop: Interruption, *, managed: bool) -> int:
     presence.tell("unconfigured" if managed else "compiling")
     with ExitStack() as standing:
         standing.enter_context(presence.telling_time())
-        from rb_sim.ros.parameters import LiveSettings
+        from rb_sim.ros.parameters import LiveSettings, warn_of_other_nodes
 
+        warn_of_other_nodes(node, ros_arguments)
         asked = LiveSettings(node)
         if managed:
             from rb_sim.ros.lifecycle import ManagedNode, simulate_managed

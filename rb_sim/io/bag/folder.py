@@ -177,11 +177,11 @@ _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def bag_paths(bag: Path) -> list[Path]:
     """The files of `bag` in order: of a directory, or the file itself.
 
-    They are those in metadata.yaml that exist (`absent` reports the others); without it all files
-    but empty ones, which a full disk or a killed process leaves behind the last one (`unlisted`),
+    They are those in metadata.yaml that exist (`absent` reports the others); without it all files,
     if their names form a series (NAME_0, NAME_1 ..., or 0_NAME_TIME, 1_NAME_TIME ... of rosbag2
-    since 2026). Order: by number, else as in metadata.yaml. Raises SinkError if there is no file,
-    or several bags.
+    since 2026). Empty ones, which a full disk or a killed process leaves behind the last one, are
+    left out (`unlisted` reports them). Order: by number, else as in metadata.yaml. Raises SinkError
+    if there is no file, or several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
@@ -192,7 +192,6 @@ def bag_paths(bag: Path) -> list[Path]:
     listed = _listed(bag / "metadata.yaml")
     there = [path for path in listed if path.exists()]
     found = there or ([] if listed else _files(bag))
-    found = [path for path in found if path.stat().st_size] or found
     if not found:
         packed = sorted(bag.glob(f"*{_COMPRESSED}"))
         if packed:
@@ -203,14 +202,14 @@ def bag_paths(bag: Path) -> list[Path]:
         raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it{inner}")
     series = [_number(path) for path in found]
     if len({(path.suffix, stem) for path, (stem, _) in zip(found, series, strict=True)}) == 1:
-        return [path for _, path in sorted(zip(series, found, strict=True))]
-    if not listed:
+        found = [path for _, path in sorted(zip(series, found, strict=True))]
+    elif not listed:
         raise SinkError(
             f"{bag}: not one bag: {len(found)} files without metadata.yaml whose names are no "
             f"series, as {found[0].name} and {found[-1].name}; name one of them, or call those of "
             f"one recording NAME_0{found[0].suffix}, NAME_1{found[0].suffix} ..."
         )
-    return found
+    return [path for path in found if path.stat().st_size] or found
 
 
 def _files(bag: Path) -> list[Path]:
