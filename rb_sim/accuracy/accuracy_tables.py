@@ -36,6 +36,7 @@ from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.closed_forms.at_rest import ExactReactions, exact_reactions
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
 from rb_sim.base.palette import FAINT, GRID, TEXT, of_method
+from rb_sim.base.plain_data import finite
 from rb_sim.scene.schema import Scene
 from rb_sim.statics.equilibrium import eliminate
 from rb_sim.statics.of_scene import at_rest
@@ -216,9 +217,9 @@ def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
         "reference": {
             "kind": true.kind,
             "checked_by": true.check,
-            "agreement": _plain(true.agreement._asdict()),
-            "ulp_growth": _plain(true.ulp_growth._asdict()),
-            "floor": _plain(true.floors._asdict()),
+            "agreement": finite(true.agreement._asdict()),
+            "ulp_growth": finite(true.ulp_growth._asdict()),
+            "floor": finite(true.floors._asdict()),
             "words": true.words,
         },
         "ladders": [
@@ -229,7 +230,7 @@ def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
             {
                 "error": decade.error,
                 "best": None if decade.best is None else _rung(decade.best),
-                "factors": _plain(decade.factors),
+                "factors": finite(decade.factors),
             }
             for decade in decades(accuracy, last=last_decade(target))
         ],
@@ -255,17 +256,9 @@ def _rung(rung: Rung) -> dict[str, Any]:
         "step_s": rung.setting.step,
         "tolerance": rung.setting.tolerance,
         "steps": rung.steps,
-        **_plain(rung.errors._asdict()),
-        "cpu_s_per_s": _number(rung.cost),
+        **finite(rung.errors._asdict()),
+        "cpu_s_per_s": finite(rung.cost),
     }
-
-
-def _plain(values: dict[str, float]) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in values.items()}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 # How exact the reactions of bodies at rest are, and what they cost.
@@ -420,9 +413,9 @@ def statics_as_dict(accuracy: StaticsAccuracy) -> dict[str, Any]:
         "answers": [
             {
                 "name": answer.name,
-                "error": _number(answer.error),
-                "left_of_forces": _number(answer.forces),
-                "left_of_torques": _number(answer.torques),
+                "error": finite(answer.error),
+                "left_of_forces": finite(answer.forces),
+                "left_of_torques": finite(answer.torques),
                 "cpu_s": answer.cost,
             }
             for answer in accuracy.answers

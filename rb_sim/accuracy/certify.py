@@ -33,6 +33,7 @@ from rb_sim.accuracy.runs import (
     sample_times,
     sizes_of,
 )
+from rb_sim.base.plain_data import finite
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
@@ -329,8 +330,8 @@ class Certificate:
         return {
             "setting": self.setting,
             "checked_by": list(self.checked_by),
-            "errors": finite(self.errors),
-            "uncertainty": finite(self.uncertainty),
+            "errors": by_name(self.errors),
+            "uncertainty": by_name(self.uncertainty),
             "one_ulp": dict(zip(NAMES, self.one_ulp, strict=True)),
             "duration": self.duration,
             "known_until": self.known_until,
@@ -371,10 +372,9 @@ class Certificate:
         return "; no run in double precision is" if self.rounding else ""
 
 
-def finite(errors: tuple[float, ...]) -> dict[str, float | None]:
+def by_name(errors: tuple[float, ...]) -> dict[str, float | None]:
     """Errors by name, None where nothing bounds them."""
-    pairs = zip(NAMES, errors, strict=True)
-    return {name: error if math.isfinite(error) else None for name, error in pairs}
+    return finite(dict(zip(NAMES, errors, strict=True)))
 
 
 # Bounds of the errors of a run, from two runs of other methods that are refined until they agree.

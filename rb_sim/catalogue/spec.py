@@ -186,8 +186,7 @@ def spec_of_type(
 def _example(registry: Mapping[str, type[Spec]], value: Any) -> str:
     """How a number is given to the first class that needs no more than one; else ""."""
     for name, kind in registry.items():
-        needed = [key for key, about in kind.model_fields.items() if about.is_required()]
-        needed = [key for key in needed if key != "type"]
+        needed = _needed_keys(registry, name)
         if len(needed) == 1 and isinstance(value, (int, float)):
             with contextlib.suppress(ValidationError):
                 kind.model_validate({"type": name, needed[0]: value})

@@ -36,13 +36,11 @@ from rb_sim.contact.contact_graph import (
     PULLS,
     ROLLS,
     SPINS,
-    VISCOUS,
-    VISCOUS_PER_NORMAL,
     add_impulse,
     largest,
     rate_of,
 )
-from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints
+from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints, viscosity_of
 from rb_sim.numerics.complementarity import (
     BOUND_WIDTH,
     EQUALITY,
@@ -128,12 +126,6 @@ def fill_problem(graph, u, x, places, A, b, terms, r):
 
 
 @inline
-def viscosity_of(graph, i, normal):
-    """Impulse per slip of the friction of contact i, which has no corner, at a normal impulse."""
-    return graph.rules[i, VISCOUS_PER_NORMAL] * abs(normal) + graph.rules[i, VISCOUS]
-
-
-@inline
 def fill_laws(graph, places, r, rules, bounds, limits, slack):
     """Rules, bounds and limits of the rows at these places; returns how many bounds there are.
 
@@ -148,7 +140,7 @@ def fill_laws(graph, places, r, rules, bounds, limits, slack):
             normal = o
             rules[o] = EQUALITY if graph.rules[i, PULLS] != 0.0 else UNILATERAL
         elif graph.rules[i, BOUND] < 0.0 and j < 3:
-            viscous = viscosity_of(graph, i, r[normal])
+            viscous = viscosity_of(graph.rules, i, r[normal])
             slack[o] = 1.0 / viscous if viscous > 0.0 else 0.0
         if j == 1 or j == 3 or j == 5:
             bounds[m, 0], bounds[m, 1], bounds[m, 2] = o, -1 if j == 5 else o + 1, normal
@@ -177,7 +169,8 @@ def find_least(p, held, rules, b, x, work):
     what would pull no longer holds.  Returns the unknowns that are not determined; -1 if x does
     not stay.
 
-    held: p with the rules and b of `hold`; work: n (2 n + 7) numbers.
+    held: p with the rules and b of `hold`, or p itself, of which nothing is written then; work:
+    n (2 n + 7) numbers.
     """
     n = p.n
     J, w, F, new, rest = (
@@ -278,12 +271,9 @@ def take_least(p, slow, x, look):
 @inline
 def solve_near(p, terms, x):
     """Replace x by the solution near it, or by any other if none is found there."""
-    n = p.n
-    numbers, rules = np.empty(n * (2 * n + 7)), np.empty(n, np.int64)
-    for k in range(n):
-        rules[k] = p.rules[k]
+    numbers = np.empty(p.n * (2 * p.n + 7))
     work = pointer(numbers)
-    if find_least(p, p, rules, p.b, x, work) < 0 or misfit(p, x, work) > FINE:
+    if find_least(p, p, p.rules, p.b, x, work) < 0 or misfit(p, x, work) > FINE:
         solution(p, terms, x)
 
 

@@ -317,6 +317,12 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
 
 
 @inline
+def viscosity_of(rules, c, normal):
+    """Impulse per slip of the friction of contact c, which has no corner, at a normal impulse."""
+    return rules[c, VISCOUS_PER_NORMAL] * abs(normal) + rules[c, VISCOUS]
+
+
+@inline
 def relax_in_turn(graph, u, x, c, k, b, a):
     """Normal first, then friction, where N may pull or friction has no corner."""
     rules = graph.rules
@@ -328,7 +334,7 @@ def relax_in_turn(graph, u, x, c, k, b, a):
     if rules[c, BOUND] > 0.0:
         most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
         return max(change, pair_of_rows(graph, u, x, k + 1, b, a, most, 0.0))
-    viscous = rules[c, VISCOUS_PER_NORMAL] * abs(x[k]) + rules[c, VISCOUS]
+    viscous = viscosity_of(rules, c, x[k])
     if rules[c, BOUND] < 0.0 and viscous > 0.0:
         change = max(change, pair_of_rows(graph, u, x, k + 1, b, a, 1e300, 1.0 / viscous))
     elif rules[c, BOUND] < 0.0:

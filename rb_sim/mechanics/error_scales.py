@@ -96,8 +96,8 @@ def measured(v: Numbers, w: Numbers, lengths: Numbers) -> Numbers:
 # half its length, until all coordinates have turned back or have moved further than a small motion;
 # those that have turned back have errors relative to their amplitude. Only the amplitude is needed:
 # a tenth is accurate enough. It is not found with commands, and for laws that depend on time. A
-# free # body on stiff springs may not turn back in the steps that are allowed: it is held to what
-# it has # moved by then; as it moves on, its distance from the start becomes the scale.
+# free body on stiff springs may not turn back in the steps that are allowed: it is held to what it
+# has moved by then; as it moves on, its distance from the start becomes the scale.
 #
 # Two bodies drift at 1 m/s while a spring moves them apart by a micrometre: errors relative to
 # their positions would leave few digits of that micrometre. If a joint or an effect acts between

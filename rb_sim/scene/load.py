@@ -164,11 +164,8 @@ def _idle(key: str, effect: Any) -> Iterator[str]:
     """Warn of an effect all of whose strengths are zero."""
     strengths = [name for name in type(effect).model_fields if name in STRENGTHS]
     if strengths and not any(map(np.any, (getattr(effect, name) for name in strengths))):
-        yield f"{key}: does nothing: {', '.join(strengths)} {_all(strengths)} zero"
-
-
-def _all(names: list[str]) -> str:
-    return "are all" if len(names) > 1 else "is"
+        are = "are all" if len(strengths) > 1 else "is"
+        yield f"{key}: does nothing: {', '.join(strengths)} {are} zero"
 
 
 def _upwards(key: str, effect: Any, scene: Scene) -> Iterator[str]:

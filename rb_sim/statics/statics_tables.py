@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from rb_sim.base.plain_data import finite
 from rb_sim.scene.schema import Scene
 
 Array = NDArray[np.float64]
@@ -236,12 +237,12 @@ def as_dict(scene: Scene, result: StaticsResult) -> dict[str, Any]:
         "explanation": result.explanation,
         "indeterminacy": result.indeterminacy,
         "mobility": result.mobility,
-        "margin": _number(result.margin),
+        "margin": finite(result.margin),
         "tolerance": result.tolerance,
         "accuracy": result.accuracy,
         "not_touching": list(result.apart),
         "findings": [
-            {"kind": f.kind, "name": f.name, "amount": _number(f.amount), "words": f.words}
+            {"kind": f.kind, "name": f.name, "amount": finite(f.amount), "words": f.words}
             for f in result.findings
         ],
         "reactions": {
@@ -270,13 +271,9 @@ def _reaction(reaction: Reaction, span: ReactionRange) -> dict[str, Any]:
     if reaction.along is not None and span.along is not None:
         plain |= {"along_N": reaction.along, "along_range_N": _ends(span.along)}
     if reaction.friction_used is not None:
-        plain["friction_used"] = _number(reaction.friction_used)
+        plain["friction_used"] = finite(reaction.friction_used)
     return plain
 
 
 def _ends(ranges: np.ndarray) -> list[Any]:
-    return [_ends(row) if row.ndim else _number(float(row)) for row in ranges]
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return [_ends(row) if row.ndim else finite(float(row)) for row in ranges]

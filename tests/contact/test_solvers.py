@@ -67,12 +67,9 @@ def bodies_of(graph: Any) -> np.ndarray:
 def in_velocities(name: str, sweeps: int, enough: float = 1e-11) -> tuple[Any, ...]:
     """(residual told, graph, velocities and impulses by Newton's method in the velocities of
     bodies) after so many sweeps."""
-    from rb_sim.contact.gauss_seidel import gauss_seidel
     from rb_sim.contact.proximal_newton import proximal_newton
 
-    graph, u = COLLECTION[name]()
-    x = np.zeros(len(graph.targets))
-    gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, sweeps)
+    _, graph, u, x = swept(name, sweeps)
     _, rest, _ = proximal_newton(graph, bodies_of(graph), u, x, enough)
     return rest, graph, u, x
 
@@ -95,11 +92,8 @@ def test_newton_in_the_velocities_of_bodies(name: str) -> None:
 def densely(name: str) -> tuple[Any, ...]:
     """(residual told, graph, velocities and impulses by the dense solver) after one sweep."""
     from rb_sim.contact.few_contacts import solve_few
-    from rb_sim.contact.gauss_seidel import gauss_seidel
 
-    graph, u = COLLECTION[name]()
-    x = np.zeros(len(graph.targets))
-    gauss_seidel(graph, u, x, np.zeros(0), 1.0, SETTLED, 1)
+    _, graph, u, x = swept(name, 1)
     rest, _, _ = solve_few(graph, u, x, np.zeros(0), 0.0, False)
     return rest, graph, u, x
 
