@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from rb_sim.scene.load import SceneBuilder, load_scene, load_statics
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation.reaction_ranges import reaction_ranges
+    from rb_sim.simulation.record import State
     from rb_sim.simulation.simulation import Simulation
+    from rb_sim.simulation.trajectory import Trajectory
     from rb_sim.sweeps.sweep import sweep
-    from rb_sim.trajectory.record import State
-    from rb_sim.trajectory.trajectory import Trajectory
 
 __all__ = [
     "AccuracyWarning",
@@ -72,15 +72,17 @@ _HOMES = {
     "SceneWarning": "rb_sim.base.errors",
     "Simulation": "rb_sim.simulation.simulation",
     "SimulationError": "rb_sim.base.errors",
-    "State": "rb_sim.trajectory.record",
-    "Trajectory": "rb_sim.trajectory.trajectory",
+    "State": "rb_sim.simulation.record",
+    "Trajectory": "rb_sim.simulation.trajectory",
     "analyze": "rb_sim.cli.public",
     "compare": "rb_sim.cli.public",
+    "fit": "rb_sim.cli.public",
     "linearize": "rb_sim.cli.public",
     "load_scene": "rb_sim.scene.load",
     "load_statics": "rb_sim.scene.load",
     "reaction_ranges": "rb_sim.simulation.reaction_ranges",
     "scenes": "rb_sim.scene.listing",
+    "statics": "rb_sim.cli.public",
     "sweep": "rb_sim.sweeps.sweep",
 }
 
@@ -90,15 +92,12 @@ _NAMES_THERE = {"scenes": "list_scenes"}
 
 
 def __getattr__(name: str) -> Any:
-    is_package = name in ("fit", "statics")  # that is a function (rb_sim.base.errors)
-    if not is_package and name not in _HOMES:
+    if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from rb_sim.base.errors import named_if_lacking
 
     with named_if_lacking():
-        module = import_module(f"{__name__}.{name}" if is_package else _HOMES[name])
-    if is_package:
-        return module
+        module = import_module(_HOMES[name])
     value = getattr(module, _NAMES_THERE.get(name, name))
     globals()[name] = value
     return value

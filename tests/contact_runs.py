@@ -21,7 +21,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.contact.events.event_motion import ContactEvent
 from rb_sim.mechanics.samples import block_of
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.simulation.trajectory import Trajectory
 from tests.interpreted import interpreted
 
 

@@ -48,7 +48,7 @@ def judged(mapping: dict[str, Any]) -> str:
 def commanded(simulation: Any) -> Any:
     """The whole run; where a body is commanded, a new load every twentieth of it."""
     from rb_sim.mechanics.samples import concatenate
-    from rb_sim.trajectory.trajectory import Trajectory
+    from rb_sim.simulation.trajectory import Trajectory
 
     bodies = simulation.layout.commanded
     if not bodies:

@@ -31,8 +31,8 @@ from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
+from rb_sim.simulation.trajectory import Trajectory
 from rb_sim.sweeps.hard_cases import Case, Check, Outcome, PeerRow, Row, measure
-from rb_sim.trajectory.trajectory import Trajectory
 
 ENGINES = ("mujoco", "drake", "exudyn")
 

@@ -37,11 +37,11 @@ from rb_sim.accuracy.closed_forms.at_rest import ExactReactions, exact_reactions
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
 from rb_sim.base.palette import FAINT, GRID, TEXT, of_method
 from rb_sim.base.plain_data import finite
+from rb_sim.equilibrium.equilibrium import eliminate
+from rb_sim.equilibrium.statics import solve
+from rb_sim.equilibrium.statics_of_scene import at_rest
+from rb_sim.equilibrium.statics_tables import StaticsResult
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import eliminate
-from rb_sim.statics.of_scene import at_rest
-from rb_sim.statics.solve import solve
-from rb_sim.statics.statics_tables import StaticsResult
 
 # The cheapest setting for each error: Pareto front and decades.
 

@@ -28,8 +28,8 @@ from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.sink import split_at
 from rb_sim.mechanics.samples import Input, SampleBlock, concatenate
 from rb_sim.scene.schema import Scene
+from rb_sim.simulation.record import accelerating
 from rb_sim.simulation.simulation import Simulation, give
-from rb_sim.trajectory.record import accelerating
 
 # Byte-for-byte comparison of two bags of one scene: first difference and its size.
 

@@ -9,8 +9,7 @@
 
 """Errors, each in one line with field, value and allowed values, and findings of accuracy checks.
 
-Findings have quantity, value, limit, time and place, and advice. Missing packages are reported also
-by packages that are callable (rb_sim.fit).
+Findings have quantity, value, limit, time and place, and advice.
 """
 
 from __future__ import annotations
@@ -19,9 +18,7 @@ import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 
@@ -325,15 +322,3 @@ def tell(lines: Iterable[str], findings: Iterable[Finding], stacklevel: int = 1)
         warnings.warn(line, stacklevel=stacklevel + 1)
     for finding in findings:
         warnings.warn(str(finding), AccuracyWarning, stacklevel=stacklevel + 1)
-
-
-class Called(ModuleType):
-    """Module type of a package that can be called as the function of its name in
-    rb_sim.cli.public."""
-
-    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
-        """Call that function."""
-        name = self.__name__.rpartition(".")[2]
-        with named_if_lacking():
-            function = getattr(import_module("rb_sim.cli.public"), name)
-        return function(*arguments, **keywords)

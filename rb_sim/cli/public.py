@@ -21,10 +21,10 @@ from rb_sim.base.errors import named_if_lacking
 if TYPE_CHECKING:
     from rb_sim.bags.analysis.analysis_page import Analysis
     from rb_sim.bags.compare import Differences
-    from rb_sim.fit.unknowns import Fitted
-    from rb_sim.linear import LinearModel
+    from rb_sim.equilibrium.state_space import LinearModel
+    from rb_sim.equilibrium.statics_tables import StaticsResult
     from rb_sim.scene.schema import Scene
-    from rb_sim.statics.statics_tables import StaticsResult
+    from rb_sim.sweeps.unknowns import Fitted
 
 Source = str | PathLike[str] | Mapping[str, Any]
 """Source of a scene: a file, the name of a shipped scene, or a mapping."""
@@ -45,8 +45,8 @@ def statics(scene: Scene | Source) -> StaticsResult:
     Raises:
         SceneError: The scene is not valid, or its initial pose violates a constraint.
     """
+    from rb_sim.equilibrium.statics import solve
     from rb_sim.scene.load import load_statics
-    from rb_sim.statics.solve import solve
 
     return solve(load_statics(scene) if isinstance(scene, (str, PathLike, Mapping)) else scene)
 
@@ -148,7 +148,7 @@ def fit(
         SimulationError: The scene cannot be simulated with its initial values.
     """
     from rb_sim.cli.verbs import fit as verb
-    from rb_sim.fit.fit import fit as solve
+    from rb_sim.sweeps.fit import fit as solve
 
     keys = [free] if isinstance(free, str) else list(free)
     pairs = [f"{name}={body}" for body, name in (match or {}).items()]

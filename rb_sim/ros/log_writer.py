@@ -186,7 +186,7 @@ class Writer:
         from rb_sim.io.rerun.rerun_sink import RerunSink
         from rb_sim.io.run_plots import PlotSink
         from rb_sim.simulation.outputs import Output
-        from rb_sim.trajectory.record import accelerating
+        from rb_sim.simulation.record import accelerating
 
         def bag(path: Path) -> BagSink:
             asked = accelerating if plan.accelerations else None

@@ -115,7 +115,7 @@ def choose(
     """
     if folder is None:
         return {}
-    from rb_sim.trajectory.record import accelerating
+    from rb_sim.simulation.record import accelerating
 
     make_folder(folder)
     chosen: dict[str, Output] = {}

@@ -24,14 +24,14 @@ import numpy as np
 from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.contact import Touching
 from rb_sim.catalogue.spec import WORLD, BodyState
+from rb_sim.equilibrium.equilibrium import Array, Element, Equilibrium, poles_of, put_together
+from rb_sim.equilibrium.statics import solved
+from rb_sim.equilibrium.statics_of_scene import Standing, joint_elements, still, touching_elements
+from rb_sim.equilibrium.statics_tables import ReactionRange
 from rb_sim.scene.place import InitialPlace, quaternion, vector
-from rb_sim.statics.equilibrium import Array, Element, Equilibrium, poles_of, put_together
-from rb_sim.statics.of_scene import Standing, joint_elements, still, touching_elements
-from rb_sim.statics.solve import solved
-from rb_sim.statics.statics_tables import ReactionRange
 
 if TYPE_CHECKING:
-    from rb_sim.trajectory.trajectory import Trajectory
+    from rb_sim.simulation.trajectory import Trajectory
 
 OPEN, SLIP = 0, 1
 """Values of Trajectory.contact_state."""

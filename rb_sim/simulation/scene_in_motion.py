@@ -46,9 +46,9 @@ from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.place import at_its_size
 from rb_sim.scene.schema import Scene
+from rb_sim.simulation.record import State
 from rb_sim.simulation.state_override import Placement, compiled_at, present_states, read_placement
-from rb_sim.trajectory.record import State
-from rb_sim.trajectory.trajectory import Trajectory, method_text
+from rb_sim.simulation.trajectory import Trajectory, method_text
 
 if TYPE_CHECKING:
     from rb_sim.contact.grid_motion import LeftOpen

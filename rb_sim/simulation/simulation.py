@@ -45,10 +45,10 @@ from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import family_of
 from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion, compiling
 from rb_sim.simulation.state_override import placement
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from rb_sim.linear import LinearModel
+    from rb_sim.equilibrium.state_space import LinearModel
     from rb_sim.scene.schema import Scene
 
 
@@ -168,7 +168,7 @@ class Simulation(SceneInMotion):
             RbSimError: The scene has contacts, or an argument is not allowed.
             SimulationError: A law has no derivative at the present state.
         """
-        from rb_sim.linear import linearize  # imports scipy, when used
+        from rb_sim.equilibrium.linearize import linearize  # imports scipy, when used
 
         if axes not in ("world", "body"):
             raise RbSimError(f"axes: got {axes!r}; must be 'world' or 'body'")

@@ -7,9 +7,4 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Many runs of one scene: plans, scheduler, table of runs, report."""
-
-from rb_sim.sweeps.plan import load_plan
-from rb_sim.sweeps.sweep import SweepResult, sweep
-
-__all__ = ["SweepResult", "load_plan", "sweep"]
+"""Many runs of one scene: sweeps with plan, scheduler, table and report; fits to a recording."""

@@ -29,6 +29,7 @@ from rb_sim.mechanics.samples import SampleLayout, block_of, row_width
 from rb_sim.motion.motion import instants_at_rate, samples_at_rate
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.place import at_its_size
+from rb_sim.simulation.trajectory import XYZ, Trajectory
 from rb_sim.sweeps.expressions import COMPONENTS
 from rb_sim.sweeps.one_run import OK, PlanRunner, ended
 from rb_sim.sweeps.plan import LoadedPlan
@@ -41,7 +42,6 @@ from rb_sim.sweeps.storage import (
     write_rows,
     write_table,
 )
-from rb_sim.trajectory.trajectory import XYZ, Trajectory
 
 # Simulation of many runs at once in the processor's vector lanes (SIMD).
 #

@@ -23,7 +23,7 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import one_of
-from rb_sim.trajectory.trajectory import QUANTITIES, Trajectory
+from rb_sim.simulation.trajectory import QUANTITIES, Trajectory
 
 MOST_CHARACTERS = 1000
 """Maximum length of an expression; Python's parser could overflow its stack on longer ones."""

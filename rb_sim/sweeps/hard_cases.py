@@ -39,8 +39,8 @@ from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS
 from rb_sim.scene.yaml_reader import parse, read_text, validated
 from rb_sim.simulation.simulation import Simulation
+from rb_sim.simulation.trajectory import Trajectory
 from rb_sim.sweeps.expressions import Expression
-from rb_sim.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -36,10 +36,10 @@ from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation
+from rb_sim.simulation.trajectory import Trajectory
 from rb_sim.sweeps import expressions
 from rb_sim.sweeps.expressions import NAMES, Expression
 from rb_sim.sweeps.plan import FIXED_COLUMNS, LoadedPlan
-from rb_sim.trajectory.trajectory import Trajectory
 
 # Paths of numbers in a scene: `bodies.coin.position[2]`, `effects.weight.acceleration[2]`.
 

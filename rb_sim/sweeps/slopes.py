@@ -20,10 +20,10 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.simulation.sensitivity import TangentSimulation, changed_settings
+from rb_sim.simulation.trajectory import Trajectory
 from rb_sim.sweeps import expressions
 from rb_sim.sweeps.expressions import Expression
 from rb_sim.sweeps.one_run import PlanRunner
-from rb_sim.trajectory.trajectory import Trajectory
 
 Long = np.longdouble
 

@@ -27,9 +27,8 @@ from rb_sim.accuracy.closed_forms.at_rest import exact_reactions
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.accuracy import of_statics
 from rb_sim.scene.listing import find_scene, list_scenes, shipped_statics
-from rb_sim.scene.load import is_statics
-from rb_sim.statics import load_statics
-from tests.statics.scenes import UP, ladder, moved, table
+from rb_sim.scene.load import is_statics, load_statics
+from tests.equilibrium.scenes import UP, ladder, moved, table
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "statics"
 SHIPPED = sorted(path.stem for path in CONFIG.glob("*.yaml"))

@@ -22,7 +22,7 @@ from benchmarks.contact.invariants import broken, tensor
 from benchmarks.contact.overlaps import overlap
 from benchmarks.contact.shapes import depth_in_round
 from benchmarks.contact.toss_verdicts import run
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.simulation.trajectory import Trajectory
 from tests.contact.scenes import ball, scene, touch
 
 

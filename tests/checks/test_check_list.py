@@ -24,10 +24,10 @@ from rb_sim.bags.tracks import tracks_of_blocks
 from rb_sim.base.errors import Finding
 from rb_sim.checks.check import Effort
 from rb_sim.checks.check_list import CheckedSamples, CheckList
-from rb_sim.fit.recording import Recording, lost_by
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
+from rb_sim.sweeps.fit_recording import Recording, lost_by
 from tests.bags.scenes import record_run
 from tests.runs import trajectory
 

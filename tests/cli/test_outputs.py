@@ -25,7 +25,7 @@ from rb_sim.cli.verbs.run import RunOptions
 from rb_sim.cli.verbs.run import run as run_verb
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.io.run_plots import Plots
-from rb_sim.trajectory.record import accelerating
+from rb_sim.simulation.record import accelerating
 from tests.bags.scenes import PUSHED
 from tests.cli.process import COMMAND, PATIENCE, environment, invoke, rb_sim
 from tests.interpreted import interpreted

@@ -19,8 +19,8 @@ import pytest
 
 from rb_sim import SceneError, Simulation, load_scene
 from rb_sim.accuracy.ladder import climb
-from rb_sim.statics.of_scene import at_rest
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.equilibrium.statics_of_scene import at_rest
+from rb_sim.simulation.trajectory import Trajectory
 
 RUBS = {"type": "coulomb", "static": 0.5}
 STEP = 1e-3

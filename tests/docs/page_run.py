@@ -35,7 +35,7 @@ from typer.testing import CliRunner
 
 from rb_sim import load_scene
 from rb_sim.cli.main import app
-from rb_sim.statics import load_statics
+from rb_sim.scene.load import load_statics
 from tests.docs.blocks import ROOT, Block, blocks
 
 SKETCH = "..."

@@ -22,8 +22,9 @@ from typer.main import get_command
 
 from rb_sim import Simulation
 from rb_sim.cli.main import app
+from rb_sim.equilibrium.statics import solve
 from rb_sim.scene.listing import shipped_statics
-from rb_sim.statics import load_statics, solve
+from rb_sim.scene.load import load_statics
 from tests.docs.blocks import PAGES, ROOT, blocks, name_of
 from tests.docs.page_run import pictures, run_page, same_curves
 from tools.pictures import same

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 from rb_sim import load_scene
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader
-from rb_sim.trajectory.record import accelerating
+from rb_sim.simulation.record import accelerating
 from tests.interpreted import interpreted
 
 FALLING = """\

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.simulation.trajectory import Trajectory
 
 STATE = {
     "position": "position",

@@ -23,7 +23,7 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import SceneError
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.simulation.trajectory import Trajectory
 from tests.interpreted import trajectory
 from tests.oracles.compare import (
     STATE,

@@ -19,7 +19,7 @@ import pytest
 
 from rb_sim import SceneError, SceneWarning, Simulation, load_scene, scenes
 from rb_sim.scene.listing import shipped_statics
-from rb_sim.statics import load_statics
+from rb_sim.scene.load import load_statics
 
 WEIGHT = {"weight": {"type": "gravity"}}
 

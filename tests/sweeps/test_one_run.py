@@ -124,7 +124,7 @@ def test_a_whole_sweep_warns(tmp_path: Any, here: str) -> None:
     pytest.importorskip("pyarrow")
     pytest.importorskip("distributed")
     from rb_sim import AccuracyWarning
-    from rb_sim.sweeps import sweep
+    from rb_sim.sweeps.sweep import sweep
 
     with pytest.warns(AccuracyWarning, match="^run 60: energy: "):
         result = sweep(spins(tmp_path), tmp_path / "coarse", scheduler=here)

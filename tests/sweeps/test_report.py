@@ -22,7 +22,7 @@ pytest.importorskip("plotly")
 from rb_sim.base.errors import RbSimError
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation
-from rb_sim.sweeps import sweep
+from rb_sim.sweeps.sweep import sweep
 from rb_sim.sweeps.sweep_page import (
     Extreme,
     RunTable,

@@ -19,11 +19,12 @@ import pyarrow as pa
 import pytest
 
 from rb_sim.base.errors import RbSimError, SinkError
-from rb_sim.sweeps import storage, sweep
+from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, described, do_batch
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
 from rb_sim.sweeps.storage import take_over
+from rb_sim.sweeps.sweep import sweep
 from rb_sim.sweeps.sweep_page import RunTable
 from tests.sweeps.plans import plan
 

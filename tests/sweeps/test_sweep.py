@@ -33,11 +33,10 @@ from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.cli.main import app
 from rb_sim.contact.event_workspace import KINDS
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.sweeps import sweep
 from rb_sim.sweeps.expressions import EVENT_KINDS
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
-from rb_sim.sweeps.sweep import _checked, check_guarded, client
+from rb_sim.sweeps.sweep import _checked, check_guarded, client, sweep
 from tests.sweeps.cluster import PATIENCE, Cluster
 from tests.sweeps.plans import height, plan
 

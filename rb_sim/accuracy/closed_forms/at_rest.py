@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.equilibrium.equilibrium import Element
+from rb_sim.equilibrium.statics_of_scene import at_rest
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import Element
-from rb_sim.statics.of_scene import at_rest
 
 # A scene as its closed forms read it: supports in the world, loads about the centres.
 

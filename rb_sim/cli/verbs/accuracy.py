@@ -77,7 +77,7 @@ def of_statics(
     Returns the exit code 0. Raises RbSimError for a scene that cannot be read or a folder that
     cannot be written.
     """
-    from rb_sim.statics import load_statics
+    from rb_sim.scene.load import load_statics
 
     described = with_changes(scene, changes, load_statics)
     if target is not None:

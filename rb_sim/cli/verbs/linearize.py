@@ -26,7 +26,7 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.checks.step_search import forecast_for
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.scenes import with_changes
-from rb_sim.linear import LinearModel
+from rb_sim.equilibrium.state_space import LinearModel
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.outputs import writing
 from rb_sim.simulation.simulation import Simulation, check_smooth
@@ -92,7 +92,7 @@ def linearize(
 def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[Path]:
     """Write linear_model.npz, poles.png and, for a model with effective inputs, bode.png; returns
     paths."""
-    from rb_sim.linear import state_space as picture  # imports matplotlib, when used
+    from rb_sim.equilibrium import state_space as picture  # imports matplotlib, when used
 
     written = [folder / "linear_model.npz"]
     figures = {"poles.png": picture.poles(name, model, is_steady),

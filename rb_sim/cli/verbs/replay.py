@@ -37,13 +37,13 @@ from rb_sim.io.drawn_supports import ground
 from rb_sim.io.motion_page import COLORS, FEW_BODIES, Applied, Lawful, RunPage, packed, spread
 from rb_sim.numerics.rotations import continuous, unit
 from rb_sim.scene.schema import Scene
-from rb_sim.trajectory.record import Record, wrenches_by_body
+from rb_sim.simulation.record import Record, wrenches_by_body
 
 if TYPE_CHECKING:
     from rb_sim.io.bag.reader import BagReader
     from rb_sim.mechanics.samples import SampleBlock
     from rb_sim.scene.schema import Scene
-    from rb_sim.trajectory.trajectory import Trajectory
+    from rb_sim.simulation.trajectory import Trajectory
 
 
 MOST_RATE = 1e4
@@ -295,7 +295,7 @@ def _page_of_bag(bag: Path) -> dict[str, Any]:
     """Data of the page of a bag; from an unfinished bag all readable samples."""
     from rb_sim.io.bag.folder import is_complete
     from rb_sim.io.bag.reader import reader_of
-    from rb_sim.trajectory.trajectory import recorded
+    from rb_sim.simulation.trajectory import recorded
 
     reader = reader_of(bag, unfinished=True)
     if reader is None:

@@ -350,7 +350,7 @@ class _Run:
         npz = self.options.npz
         if npz is not None:
             from rb_sim.mechanics.samples import concatenate
-            from rb_sim.trajectory.trajectory import Trajectory
+            from rb_sim.simulation.trajectory import Trajectory
 
             block = concatenate(self.kept, simulation.layout)
             run = Trajectory(block, simulation.layout, simulation.scene)

@@ -17,9 +17,10 @@ from pathlib import Path
 from rb_sim.base.plain_data import write_json
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.scenes import with_changes
+from rb_sim.equilibrium.statics import solve
+from rb_sim.equilibrium.statics_tables import as_dict, print_report
+from rb_sim.scene.load import load_statics
 from rb_sim.simulation.outputs import writing
-from rb_sim.statics import load_statics, solve
-from rb_sim.statics.statics_tables import as_dict, print_report
 
 
 def statics(scene: str | Path, out: Path | None = None, changes: Sequence[str] = ()) -> int:
@@ -35,7 +36,7 @@ def statics(scene: str | Path, out: Path | None = None, changes: Sequence[str] =
     console = plain_console()
     print_report(description, result, console)
     if out is not None:
-        from rb_sim.statics.picture import save_picture  # imports matplotlib, when used
+        from rb_sim.equilibrium.statics_picture import save_picture  # imports matplotlib, when used
 
         with writing(out):
             write_json(as_dict(description, result), out / "statics.json")

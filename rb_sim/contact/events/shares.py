@@ -148,7 +148,7 @@ def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:
 # Contacts that hold more than is needed share the load in many ways, x = x0 + Z y, Z the states of
 # self-stress.  The kernel takes the least x; where that would pull, or rub beyond its bound, though
 # another would not, it is given the self-stress to keep: that of the largest margin (see
-# rb_sim.statics.equilibrium).  As long as there is one with a margin, nothing gives.
+# rb_sim.equilibrium.equilibrium).  As long as there is one with a margin, nothing gives.
 
 
 LEAST_MARGIN = 1e-11

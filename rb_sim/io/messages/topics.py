@@ -271,7 +271,7 @@ Accelerating = Callable[["SampleBlock"], Any]
 [rad/s^2], of shape (n, bodies, 3)."""
 
 Asked = Callable[["Scene", "SampleLayout"], Accelerating]
-"""Makes an `Accelerating` for a run, e.g. rb_sim.trajectory.record.accelerating."""
+"""Makes an `Accelerating` for a run, e.g. rb_sim.simulation.record.accelerating."""
 
 
 class AccelTable:

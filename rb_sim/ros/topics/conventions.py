@@ -32,8 +32,8 @@ from rb_sim.io.messages.topics import AccelTable, OdometryTable
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 from rb_sim.ros.serving import message_class, offer
 from rb_sim.ros.topics.topic_sink import Latest
-from rb_sim.trajectory.record import accelerating, accelerations
-from rb_sim.trajectory.trajectory import Trajectory
+from rb_sim.simulation.record import accelerating, accelerations
+from rb_sim.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -161,7 +161,7 @@ def joint_table(scene: Scene, layout: SampleLayout, _: str) -> JointTable:
 #
 # f is the specific force in body axes (at rest 9.81 m/s^2 upwards), g the sum of the scene's
 # uniform gravity on the body. Accelerations follow from Newton's and Euler's equations with the
-# reactions of the sample (rb_sim.trajectory.record); impacts are not included.
+# reactions of the sample (rb_sim.simulation.record); impacts are not included.
 
 
 COVARIANCE_3X3 = 9

@@ -23,7 +23,8 @@ from scipy.spatial.transform import Rotation
 import rb_sim
 from rb_sim import RbSimError, SceneError, Simulation, load_scene, scenes
 from rb_sim.cli.summary import _ranges_at_start as ranges_at_start
-from rb_sim.statics import StaticsResult, solve
+from rb_sim.equilibrium.statics import solve
+from rb_sim.equilibrium.statics_tables import StaticsResult
 from tests.contact.scenes import G, ball, box, scene, touch
 from tests.runs import trajectory
 

@@ -20,8 +20,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base import palette
-from rb_sim.linear import LinearModel
-from rb_sim.linear import state_space as picture
+from rb_sim.equilibrium import state_space as picture
+from rb_sim.equilibrium.state_space import LinearModel
 from tests.interpreted import interpreted
 
 G = 9.81
@@ -199,7 +199,7 @@ class Kernels:
 
     def answer(self, z: np.ndarray) -> np.ndarray:
         """Accelerations of both bodies (world axes), then force and torque of each reaction."""
-        from rb_sim.linear.linearize import held_at, turned_spin
+        from rb_sim.equilibrium.linearize import held_at, turned_spin
 
         system, y = self.simulation._motion.system, self.shifted(z)
         held = held_at(system, 0.0, y)[2]

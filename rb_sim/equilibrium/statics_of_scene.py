@@ -40,6 +40,14 @@ from rb_sim.catalogue.effects.wrench import Wrench
 from rb_sim.catalogue.geometry.pairs import touching
 from rb_sim.catalogue.geometry.solids import box_points
 from rb_sim.catalogue.spec import WORLD, BodyState, Placed, wrench
+from rb_sim.equilibrium.equilibrium import (
+    Bound,
+    Element,
+    Equilibrium,
+    poles_of,
+    put_together,
+    tangents,
+)
 from rb_sim.numerics.vectors import ZERO, add, rotate, sub
 from rb_sim.scene.compile import named
 from rb_sim.scene.compile_contacts import contact_scales
@@ -47,7 +55,6 @@ from rb_sim.scene.initial import MISFIT, refuse_initial
 from rb_sim.scene.pairs_of_bodies import box_sizes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import Bound, Element, Equilibrium, poles_of, put_together, tangents
 
 # Contacts and strings at rest: admissible normal and friction forces at each point.
 

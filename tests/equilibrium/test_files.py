@@ -19,9 +19,10 @@ from matplotlib.text import Text
 
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.cli.verbs.statics import statics
-from rb_sim.statics import load_statics, solve
-from rb_sim.statics.picture import draw
-from tests.statics.scenes import UP, ladder, table
+from rb_sim.equilibrium.statics import solve
+from rb_sim.equilibrium.statics_picture import draw
+from rb_sim.scene.load import load_statics
+from tests.equilibrium.scenes import UP, ladder, table
 
 CONFIG = Path(__file__).parents[2] / "config" / "statics"
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from rb_sim import RbSimError, Simulation, Trajectory, load_scene
-from tests.trajectory.test_trajectory import TIED
+from tests.simulation.test_trajectory import TIED
 
 SPACING = 1e-3
 """[s] of the samples of which differences of fourth order are taken."""

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import SceneError
-from rb_sim.statics import load_statics, solve
-from tests.statics.scenes import UP, block, ladder, table
+from rb_sim.equilibrium.statics import solve
+from rb_sim.scene.load import load_statics
+from tests.equilibrium.scenes import UP, block, ladder, table
 
 LEGS = [(0.8, 0.5, 0.0), (-0.8, 0.5, 0.0), (-0.8, -0.5, 0.0), (0.8, -0.5, 0.0)]
 SMOOTH_LIMIT = math.atan(1.0 / (2.0 * 0.3))

@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize, nnls
 from scipy.spatial.transform import Rotation
 
-from rb_sim.statics import load_statics, solve
-from rb_sim.statics.of_scene import at_rest
-from tests.statics.scenes import UP, ladder, moved, scaled, table
+from rb_sim.equilibrium.statics import solve
+from rb_sim.equilibrium.statics_of_scene import at_rest
+from rb_sim.scene.load import load_statics
+from tests.equilibrium.scenes import UP, ladder, moved, scaled, table
 
 QUICK = settings(max_examples=15, deadline=None, derandomize=True)
 seeds = st.integers(0, 2**32 - 1)

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 from rb_sim.bags.tracks import tracks_of_blocks
-from rb_sim.fit.fit import Fitted, Recording, fit
-from rb_sim.fit.unknowns import (
+from rb_sim.sweeps.fit import Fitted, Recording, fit
+from rb_sim.sweeps.unknowns import (
     STEP,
     Limits,
     bounds,

@@ -7,4 +7,5 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The record of a run, with tables, plots, wrenches and states at single instants."""
+"""Bodies at rest and near it: statics (reactions, or why there is no equilibrium) and linearised
+equations of motion."""

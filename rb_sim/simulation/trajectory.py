@@ -39,7 +39,7 @@ from rb_sim.base.errors import (
 from rb_sim.io.run_plots import Plots, save
 from rb_sim.mechanics.samples import Array, concatenate
 from rb_sim.numerics.rotations import roll_pitch_yaw, without_jumps
-from rb_sim.trajectory.record import (
+from rb_sim.simulation.record import (
     ByName,
     EventState,
     Reaction,
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rb_sim.io.bag.reader import BagReader
-    from rb_sim.trajectory.record import Record
+    from rb_sim.simulation.record import Record
 
 
 class Trajectory(Record):
@@ -499,7 +499,7 @@ def npz_columns(trajectory: Record, accelerations: bool = False) -> dict[str, An
 
 def _accelerations(trajectory: Record) -> list[tuple[Quantity, str, Array]]:
     """(quantity, label, values of shape (n, 3)) of each body."""
-    from rb_sim.trajectory.record import accelerations
+    from rb_sim.simulation.record import accelerations
 
     found = accelerations(trajectory)
     return [

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rb_sim.base.rounding import NEGLIGIBLE
-from rb_sim.scene.schema import Scene
-from rb_sim.statics.equilibrium import (
+from rb_sim.equilibrium.equilibrium import (
     AdmissibleSet,
     Bound,
     Element,
@@ -31,8 +30,15 @@ from rb_sim.statics.equilibrium import (
     Reduced,
     eliminate,
 )
-from rb_sim.statics.of_scene import at_rest
-from rb_sim.statics.statics_tables import Finding, Reaction, ReactionRange, StaticsResult, Verdict
+from rb_sim.equilibrium.statics_of_scene import at_rest
+from rb_sim.equilibrium.statics_tables import (
+    Finding,
+    Reaction,
+    ReactionRange,
+    StaticsResult,
+    Verdict,
+)
+from rb_sim.scene.schema import Scene
 
 # Explanation of the verdict: failing supports, supports at their limit, non-unique reactions.
 

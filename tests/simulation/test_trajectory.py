@@ -178,7 +178,7 @@ def test_plot(run, tmp_path):
 def test_view(run, tmp_path, monkeypatch):
     pytest.importorskip("rerun")
     from rb_sim.io.rerun import viewer
-    from rb_sim.trajectory import trajectory as views
+    from rb_sim.simulation import trajectory as views
 
     run.view(save=tmp_path / "run.rrd")
     assert (tmp_path / "run.rrd").stat().st_size > 1000

@@ -21,8 +21,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rb_sim.statics import StaticsResult, load_statics, solve
-from tests.statics.scenes import ladder, table
+from rb_sim.equilibrium.statics import solve
+from rb_sim.equilibrium.statics_tables import StaticsResult
+from rb_sim.scene.load import load_statics
+from tests.equilibrium.scenes import ladder, table
 
 CONFIG = Path(__file__).parents[2] / "config" / "statics"
 CASES = {

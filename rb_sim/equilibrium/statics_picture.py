@@ -30,13 +30,13 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
 from rb_sim.catalogue.spec import BodyState
+from rb_sim.equilibrium.equilibrium import Element, Equilibrium, tangents
+from rb_sim.equilibrium.statics_of_scene import Load, active_loads, at_rest, still
+from rb_sim.equilibrium.statics_tables import StaticsResult
 from rb_sim.io.extent import drawn_cylinder
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Body, Scene
-from rb_sim.statics.equilibrium import Element, Equilibrium, tangents
-from rb_sim.statics.of_scene import Load, active_loads, at_rest, still
-from rb_sim.statics.statics_tables import StaticsResult
 
 # Surfaces of shapes, and projection to the picture.
 
