@@ -39,7 +39,7 @@ OUT ?= out
 FLOOR_TESTS := $(addprefix tests/,catalogue/test_spec.py scene/test_load.py scene/test_schema.py \
   scene/test_yaml_reader.py scene/test_builder.py graph/test_machine.py compiler/test_program.py \
   io/test_bag_reader.py io/test_bag_writer.py io/test_bag_sqlite.py \
-  io/test_plots.py statics/test_closed_forms.py cli/test_run.py cli/test_errors.py \
+  io/test_plots.py equilibrium/test_closed_forms.py cli/test_run.py cli/test_errors.py \
   cli/test_public.py) \
   $(addsuffix ],$(addprefix tests/oracles/test_oracles.py::test_case[,heavytop_bruls_cardona \
   pendulum_3rad trans_helix sphere_FK_const disk_steady cylinder_unbalanced stiff_point_spring \

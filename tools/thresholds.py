@@ -35,9 +35,9 @@ NONE_OF_THEM = {
     ("bags/info.py", "NANO"),  # a unit
     ("scene/schema.py", "DEFAULT_TOLERANCE"),  # accuracies to ask
     ("simulation/sensitivity.py", "TOLERANCE"),
-    ("fit/unknowns.py", "TOLERANCE"),
+    ("sweeps/unknowns.py", "TOLERANCE"),
     ("motion/motion.py", "FIRST_PIECE"),  # a length to begin with
-    ("fit/unknowns.py", "STEP"), ("sweeps/slopes.py", "LEAST_SIDE"),  # lengths of differences
+    ("sweeps/unknowns.py", "STEP"), ("sweeps/slopes.py", "LEAST_SIDE"),  # lengths of differences
     ("mechanics/contact/contact_bodies.py", "NUDGE"),
 }  # fmt: skip
 """Small constants that decide nothing."""
