@@ -35,19 +35,22 @@ from rb_sim.base.errors import RbSimError
 
 
 ENLARGEMENTS = {100.0: "cm", 1000.0: "mm"}
-NEAR = 0.1
-"""Maximum RMS residual, relative to the larger motion, after scaling the smaller one."""
+NEAR = 0.5
+"""Maximum RMS residual, relative to the larger motion, after scaling the smaller one as fits best,
+by a factor within a power of two of a unit's: two models of one machine differ by less."""
 
 
-def unit_note(a: np.ndarray, b: np.ndarray) -> str:
+def unit_note(a: np.ndarray, b: np.ndarray, names: tuple[str, str] = ("A", "B")) -> str:
     """A line if positions b are 100 or 1000 times positions a (or the reverse), about their means;
-    else "". Shapes (n, 3)."""
-    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
-    for (one, small), (two, large) in ((("A", a), ("B", b)), (("B", b), ("A", a))):
-        size = np.linalg.norm(large)
+    else "". Shapes (n, 3); names: those of a and b in the line."""
+    a, b = ((names[0], a - a.mean(axis=0)), (names[1], b - b.mean(axis=0)))
+    for (one, small), (two, large) in ((a, b), (b, a)):
+        square = np.vdot(small, small)
+        best = np.vdot(small, large) / square if square > 0.0 else 0.0
         for factor, unit in ENLARGEMENTS.items():
-            if size > 0.0 and np.linalg.norm(large - factor * small) < NEAR * size:
-                times = f"{factor:.0f} times those of {one}"
+            near = NEAR < best / factor < 1.0 / NEAR
+            if near and np.linalg.norm(large - best * small) < NEAR * np.linalg.norm(large):
+                times = f"about {factor:.0f} times those of {one}"
                 return f"the positions of {two} are {times}: is {two} in {unit}?"
     return ""
 

@@ -29,6 +29,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.analysis.derivatives import NORMAL
+from rb_sim.bags.compare import unit_note
 from rb_sim.bags.tracks import Tracks, tracks_of_blocks
 from rb_sim.base.errors import RbSimError, SceneError, SimulationError
 from rb_sim.base.names import first_few
@@ -280,6 +281,7 @@ def fit(
     r = problem.raw(x)
     if not np.isfinite(r).all():
         raise SimulationError(f"the scene cannot be simulated as it starts: {problem.trouble}")
+    problem.check_units(r)
     if noise is not None:
         problem.weigh(*noise)
     found = problem.solve(x)
@@ -319,6 +321,14 @@ class _Problem:
         self._time = np.repeat(np.concatenate(times), 6)
         self._follow = np.ones(6 * size, bool)
         """mask of the residuals in use."""
+
+    def check_units(self, r: np.ndarray) -> None:
+        """Raise RbSimError if recorded positions are a scaled copy of those at the start values, so
+        in cm or mm: a search would change the parameters until the size fits. r: as `raw`."""
+        for body, (_, off, _) in self._by_body(r).items():
+            seen = self.recording.tracks.bodies[self.recording.pairs[body]].position
+            if line := unit_note(seen + off, seen, ("the scene", "the recording")):
+                raise RbSimError(f"{self.recording.tracks.name}: {body}: {line}")
 
     def weigh(self, position: float, angle: float) -> None:
         """Set the noise of position [m] and attitude [rad]."""

@@ -198,6 +198,11 @@ class _Acting:
             if self._commanded:
                 why = "commands of a body are named with --wrench BODY=TOPIC"
             lines.append(f"its wrenches ({first_few(rest)}) are not applied: {why}")
+        elif not wrenches and (
+            idle := [body for body in self._commanded if body not in self._signals]
+        ):
+            effects = first_few([f"{self._commanded[body]} of {body}" for body in idle])
+            lines.append(f"no wrench in it is a command of {effects}: zero throughout")
         return lines
 
     def inputs(self, start: float, end: float) -> tuple[Input, ...]:

@@ -24,8 +24,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from rb_sim import compare, fit
 from rb_sim.base.errors import RbSimError
+from rb_sim.cli.options import FitOptions
 from rb_sim.cli.verbs.compare import TOO_FAR, CompareOptions
 from rb_sim.cli.verbs.compare import compare as compare_verb
+from rb_sim.cli.verbs.fit import fit as fit_verb
 from tests.bags.analysis import foreign
 
 M, V = 2.5, 0.4
@@ -129,6 +131,26 @@ def test_a_fit_finds_the_mass_from_the_wrenches_that_were_recorded(tmp_path):
     assert found.errors[0] < 1e-5
     lost = fit(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 4.0), wrenches=["none"])
     assert lost.undetermined == ["bodies.cart.mass"]
+
+
+def test_a_bag_without_the_commands_of_the_scene_is_told_to_have_none(tmp_path, capsys):
+    bag = write(tmp_path / "bag", poses())
+    fit_verb(FitOptions(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 4.0)))
+    assert "no wrench in it is a command of push of cart: zero" in capsys.readouterr().err
+    bag = write(tmp_path / "pushed", poses(), pushes())
+    fit_verb(FitOptions(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 4.0)))
+    assert "no wrench" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("times, unit", [(1000.0, "mm"), (100.0, "cm")])
+def test_poses_in_other_units_are_not_fitted(tmp_path, times, unit):
+    """The mass of a model that is too heavy would be moved until its size fits."""
+    x, _ = along(T)
+    large = [(t, "/cart/pose", *foreign.pose_stamped(t, [times * x[k], 0.0, 0.0], attitude(t)))
+             for k, t in enumerate(T)]  # fmt: skip
+    bag = write(tmp_path / "bag", large, pushes())
+    with pytest.raises(RbSimError, match=f"cart: .* is the recording in {unit}"):
+        fit(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 1.3 * M))
 
 
 def test_wrenches_without_a_header_act_at_the_time_of_the_log(tmp_path):
