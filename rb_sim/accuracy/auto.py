@@ -29,8 +29,10 @@ from rb_sim.accuracy.checked import (
     CheckedRun,
     checked_run,
     local_tolerance,
+    pilot,
+    pose_within,
     sharper,
-    sharpest_adaptive,
+    sharpest,
 )
 from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, dividing, evaluations
 from rb_sim.accuracy.runs import (
@@ -43,10 +45,9 @@ from rb_sim.accuracy.runs import (
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
 from rb_sim.graph.taylor_series import NoSeriesError
-from rb_sim.mechanics.methods import METHODS, tried
+from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.table_laws import BODIES
-from rb_sim.motion.motion import ENDLESS
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene, SimulationOptions
 
@@ -129,14 +130,6 @@ is seen to be over its limit."""
 DEAR_CHECK = 0.35
 """As CHECK, where runs are dear: one that is sharp enough to be chosen itself."""
 
-FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.05, 2.0, 4000.0
-"""Counted time after which a first run is broken off, the factor by which it grows when none came
-to its end, and where it is given up [s]; before that where all would need ENDLESS at their pace."""
-
-OUTRUN = 3.0
-"""A first run is not gone on with while its pace promises an end this factor later than another's.
-"""
-
 
 class Found(NamedTuple):
     """A setting that keeps the limit."""
@@ -167,7 +160,8 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     dear = budget > ONE_SECOND
     runner.limit = runner.purse = budget
     share = DEAR_CHECK if dear else CHECK
-    true = checked_run(runner, share * aim, budget - one if dear else 0.6 * budget, first)
+    enough = pose_within(share * aim, runner)
+    true = checked_run(runner, first, enough, budget - one if dear else 0.6 * budget)
     left = 0.5 * (budget - runner.spent)  # a second trial that is broken off would tell nothing
     moved = from_one_ulp_apart(runner, true.setting, 1 if dear else 2, left)
     growth = max(apart(rows, true.rows, runner) for rows in moved)
@@ -222,55 +216,16 @@ def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tupl
     return tuple(errors.max(axis=0).tolist())
 
 
-def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:
-    """The first adaptive setting to come to the end, with the least limit at which one does.
-
-    A scene too stiff for one method is left early, and another gets its turn; each goes on where it
-    was broken off, the slow ones only while none promises an end much before theirs.  None beyond
-    LONGEST_PILOT, or where no run grows quick enough to come to its end within ENDLESS.
-    """
-    system = runner.compiled.system
-    able = [n for n, e in tried(system).items() if e.adaptive is not None]
-    able.sort(key=lambda name: -METHODS[name].order)
-    reached: dict[str, float] = {}
-    left = dict.fromkeys(able, 0.0)
-    """counted time to the end of each, as far as its pace tells [s]."""
-    runner.limit = FIRST_PILOT
-    while runner.limit < LONGEST_PILOT:
-        soonest = min(left.values())
-        for name in [name for name in able if left[name] <= OUTRUN * soonest]:
-            setting = Setting(name, tolerance=tolerance)
-            runner.carried_on(setting)
-            if not runner.broken_off:  # at its end, or where the motion itself has one
-                return setting
-            now = runner.motion_of(setting).frontier[0]
-            left[name] = time_left(runner, now, reached.get(name, 0.0))
-            reached[name] = now
-        if runner.limit > FIRST_PILOT and min(left.values()) > ENDLESS:
-            return None
-        runner.limit *= PATIENCE
-    return None
-
-
-def time_left(runner: CountedRunner, now: float, before: float) -> float:
-    """Counted time that a run broken off at the limit still needs [s], at the faster of two paces.
-
-    now: simulated time that it has reached; before: the same with a limit PATIENCE times lower.
-    """
-    limit = runner.limit
-    pace = max(now / limit, (now - before) / (limit * (1.0 - 1.0 / PATIENCE)))
-    return (runner.duration - now) / pace if pace > 0.0 else math.inf
-
-
 def given_up(runner: CountedRunner, target: float) -> Choice:
     """What is said where no method comes to the end: the sharpest there is, as it is."""
-    name = sharpest_adaptive(runner.compiled.system)
+    setting = sharpest(runner, local_tolerance(target))
     words = (
         f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method "
         f"reached the end within {runner.limit:g} counted seconds; the scene is too stiff or "
         "too long"
     )
-    return Choice(name, None, local_tolerance(target), target, math.inf, math.inf, False, words)
+    infinite = math.inf, math.inf
+    return Choice(setting.name, None, setting.tolerance, target, *infinite, False, words)
 
 
 def search(

@@ -9,11 +9,11 @@
 
 """The reference that runs are measured against: a sharp run, confirmed by one of another method.
 
-`method: auto`, `rb_sim accuracy` and `--certify` make it in the same way.  Of the methods that adapt
-their step to a tolerance the first to come to the end is the sharp run; the other has another method
-and another grid of steps.  The two are refined in turns until they agree as well as is needed, or no
-longer can.  They err alike only in what both take from the scene, its constants and its start as
-doubles: how far runs from starts one ulp apart part tells that.
+`method: auto`, `rb_sim accuracy` and `--certify` make it in the same way.  Of the methods that
+adapt their step to a tolerance the first to come to the end makes the sharp run; the other run has
+another method and another grid of steps.  The two are refined in turns until they agree as well as
+is needed, or no longer can.  They err alike only in what both take from the scene, its constants
+and its start as doubles: how far runs from starts one ulp apart part tells that.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ STALLED = 3
 """Refinements in turns that do not bring two runs closer: they no longer can."""
 
 DECORRELATED = 0.1
-"""Gap [rad, m] above which two runs know nothing of each other; how much it changes there says
-nothing about either, so that both are refined on."""
+"""Gap, in rad, in m or as a share of the way of the bodies, above which two runs know nothing of
+each other; how much it changes there says nothing about either, so that both are refined on."""
 
 DEARER = 4.0
 """What a step of the checker costs over one of the sharp run, about."""
@@ -64,21 +64,21 @@ class CheckedRun(NamedTuple):
         """Largest pose difference of the two [rad, m]."""
         return float(self.gaps.max())
 
-    @property
-    def reach(self) -> int:
-        """Number of instants before the first at which the two know nothing of each other."""
-        lost = np.flatnonzero(~(self.gaps <= DECORRELATED))
-        return int(lost[0]) if len(lost) else len(self.gaps)
 
-    @property
-    def words(self) -> str:
-        """Which two runs they are, and how far they agree."""
-        return confirmed(self.setting, self.checker, self.agreement)
+def reach(gaps: Array) -> int:
+    """Number of instants before the first at which two runs know nothing of each other.
+
+    gaps: at each instant [rad], or [m], or as a share of the way of the bodies.
+    """
+    lost = np.flatnonzero(~(gaps <= DECORRELATED))
+    return int(lost[0]) if len(lost) else len(gaps)
 
 
-def confirmed(setting: Any, checker: Any, agreement: float) -> str:
-    """Words on the reference of a run; agreement: with its checker [rad, m]."""
-    return f"by a second run ({setting}), confirmed by {checker} to {agreement:.1e}"
+def pair(runner: CountedRunner, setting: Setting, checker: Setting) -> CheckedRun:
+    """The runs of two settings, and how far they agree."""
+    (rows, steps), (other, _) = runner.sampled(setting), runner.sampled(checker)
+    gaps = pose_difference(other, rows, runner.compiled.layout)
+    return CheckedRun(rows, other, setting, checker, gaps, runner.duration / max(1, steps))
 
 
 Excess = Callable[[Array, Array], float]
@@ -144,6 +144,11 @@ def pilot(
     return ended
 
 
+def sharpest(runner: CountedRunner, tolerance: float) -> Setting:
+    """The method of highest order that adapts its step, with this tolerance."""
+    return Setting(by_order(runner.compiled.system)[0], tolerance=tolerance)
+
+
 def by_order(system: Any) -> list[str]:
     """The methods that adapt their step to a tolerance, of falling order."""
     able = [n for n, e in tried(system).items() if e.adaptive is not None]
@@ -169,18 +174,14 @@ def checked_run(runner: CountedRunner, sharp: Setting, excess: Excess, budget: f
     sharp: the setting of the first. budget: counted time of the runner [s]; no refinement begins
     that would go beyond it.
     """
-    layout, duration = runner.compiled.layout, runner.duration
+    duration = runner.duration
     (rows, steps), sharp_cost = timed(runner, sharp)
     mean_step = duration / max(1, steps)
     left = max(budget - runner.spent, sharp_cost)
     step = min(max(DEARER * sharp_cost / left, 0.25), 1.0) * mean_step
     checker, other, checker_cost = first_to_end(runner, sharp, dividing(step, duration), budget)
 
-    def found() -> CheckedRun:
-        gaps = pose_difference(other, rows, layout)
-        return CheckedRun(rows, other, sharp, checker, gaps, mean_step)
-
-    best, before = found(), excess(rows, other)
+    best, before = pair(runner, sharp, checker), excess(rows, other)
     least, checker_next, stalled = before, True, 0
     for _ in range(REFINEMENTS):
         left = (budget - runner.spent) / (checker_cost if checker_next else sharp_cost)
@@ -199,8 +200,8 @@ def checked_run(runner: CountedRunner, sharp: Setting, excess: Excess, budget: f
         else:
             sharp = finer
             (rows, steps), sharp_cost = timed(runner, sharp)
-        now, latest = excess(rows, other), found()
-        if (latest.reach, -now) > (best.reach, -least):
+        now, latest = excess(rows, other), pair(runner, sharp, checker)
+        if (reach(latest.gaps), -now) > (reach(best.gaps), -least):
             best, least = latest, now
         if now < 0.5 * before:
             stalled = 0
@@ -233,16 +234,17 @@ def first_to_end(
 def independent_of(sharp: Setting, step: float, system: Any) -> Iterator[Setting]:
     """Settings to confirm a run by: fixed steps of other families, then of its own, by falling
     order, of low order only where there is nothing else; then other families' methods at the same
-    tolerance, for a motion whose fixed steps would all have to be as short as its fastest decay."""
+    tolerance, for a motion whose fixed steps would all have to be as short as its fastest decay;
+    and fixed steps of the method itself, where no other comes to the end."""
     family, able = METHODS[sharp.name].family, tried(system)
-    fixed = [n for n, e in able.items() if e.fixed is not None and n != sharp.name]
-    fixed.sort(
-        key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order)
-    )
-    yield from (Setting(name, step=step) for name in fixed)
+    fixed = [n for n, e in able.items() if e.fixed is not None]
+    fixed.sort(key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order))
+    yield from (Setting(name, step=step) for name in fixed if name != sharp.name)
     for name, entry in able.items():
         if entry.adaptive is not None and METHODS[name].family != family:
             yield sharp._replace(name=name)
+    if sharp.name in fixed:
+        yield Setting(sharp.name, step=step)
 
 
 def timed(runner: CountedRunner, setting: Setting) -> tuple[tuple[Array, int], float]:
