@@ -155,9 +155,11 @@ def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float
     if setting.name != "time_stepping":
         sharp = pilot(runner, tolerance, FIRST * budget)
         runner.limit = budget
-        if sharp is None:
-            return of_its_own(runner, setting)
-        return checked_run(runner, sharp, within_error_of(rows, runner), budget)
+        if sharp is not None:
+            best = checked_run(runner, sharp, within_error_of(rows, runner), budget)
+            if math.isfinite(best.agreement):
+                return best
+        return of_its_own(runner, setting)
     own = of_its_own(runner, setting)
     if runner.compiled.between is not None:  # other methods do not know its pairs
         return own

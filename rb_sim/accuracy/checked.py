@@ -234,17 +234,14 @@ def first_to_end(
 def independent_of(sharp: Setting, step: float, system: Any) -> Iterator[Setting]:
     """Settings to confirm a run by: fixed steps of other families, then of its own, by falling
     order, of low order only where there is nothing else; then other families' methods at the same
-    tolerance, for a motion whose fixed steps would all have to be as short as its fastest decay;
-    and fixed steps of the method itself, where no other comes to the end."""
+    tolerance, for a motion whose fixed steps would all have to be as short as its fastest decay."""
     family, able = METHODS[sharp.name].family, tried(system)
-    fixed = [n for n, e in able.items() if e.fixed is not None]
+    fixed = [n for n, e in able.items() if e.fixed is not None and n != sharp.name]
     fixed.sort(key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order))
-    yield from (Setting(name, step=step) for name in fixed if name != sharp.name)
+    yield from (Setting(name, step=step) for name in fixed)
     for name, entry in able.items():
         if entry.adaptive is not None and METHODS[name].family != family:
             yield sharp._replace(name=name)
-    if sharp.name in fixed:
-        yield Setting(sharp.name, step=step)
 
 
 def timed(runner: CountedRunner, setting: Setting) -> tuple[tuple[Array, int], float]:
