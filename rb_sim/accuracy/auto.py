@@ -36,7 +36,7 @@ from rb_sim.accuracy.checked import (
 )
 from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, dividing, evaluations
 from rb_sim.accuracy.runs import (
-    CountedRunner,
+    Runner,
     affordable_times,
     distances,
     from_one_ulp_apart,
@@ -151,7 +151,7 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     assert options.tolerance is not None  # the schema sees to it for method auto
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
-    runner = CountedRunner(compiled, options.duration, affordable_times(compiled, options))
+    runner = Runner(compiled, options.duration, affordable_times(compiled, options))
     first = pilot(runner, local_tolerance(CHECK * aim))
     if first is None:
         return given_up(runner, target)
@@ -188,12 +188,12 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     )  # fmt: skip
 
 
-def apart(rows: Array, others: Array, runner: CountedRunner) -> float:
+def apart(rows: Array, others: Array, runner: Runner) -> float:
     """Largest difference of the pose of two runs [rad, m]."""
     return float(pose_difference(rows, others, runner.compiled.layout).max())
 
 
-def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
+def by_chance(runner: Runner, true: CheckedRun, growth: float) -> float:
     """How far the checked run moves when it is made sharper [rad, m], where that says more than its
     checker; else 0.
 
@@ -207,7 +207,7 @@ def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
     return moved if math.isfinite(moved) else 0.0
 
 
-def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
+def errors_of(runner: Runner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
     """Largest errors of pose, twist and reactions, the uncertainty of the checked run added."""
     layout = runner.compiled.layout
     rows, _ = runner.sampled(setting)
@@ -216,7 +216,7 @@ def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tupl
     return tuple(errors.max(axis=0).tolist())
 
 
-def given_up(runner: CountedRunner, target: float) -> Choice:
+def given_up(runner: Runner, target: float) -> Choice:
     """What is said where no method comes to the end: the sharpest there is, as it is."""
     setting = sharpest(runner, local_tolerance(target))
     words = (
@@ -229,7 +229,7 @@ def given_up(runner: CountedRunner, target: float) -> Choice:
 
 
 def search(
-    runner: CountedRunner, true: CheckedRun, aim: float, limit: float, budget: float
+    runner: Runner, true: CheckedRun, aim: float, limit: float, budget: float
 ) -> list[Found]:
     """The coarsest setting within the limit of every method that may be the cheapest."""
     found: list[Found] = []
@@ -244,7 +244,7 @@ def search(
     return found
 
 
-def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Setting]:
+def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
     """Where to begin with each: those of highest order first, those that are mostly dear last.
 
     A body that takes commands gets methods that adapt their step: what will be commanded is not
@@ -268,7 +268,7 @@ def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Sett
 
 
 def coarsest(
-    runner: CountedRunner,
+    runner: Runner,
     setting: Setting,
     true: CheckedRun,
     limit: float,
@@ -325,7 +325,7 @@ def next_setting(
     return setting.scaled(factor, duration)
 
 
-def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:
+def reason(runner: Runner, true: CheckedRun, target: float, error: float, count: int) -> str:
     """The sentence that says why a setting was chosen: method, bound, error, and what confirms
     it."""
     others = f"cheapest of {count} methods within" if count > 1 else "within"
@@ -335,9 +335,7 @@ def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float,
     )
 
 
-def shortfall(
-    runner: CountedRunner, true: CheckedRun, target: float, noise: float, growth: float
-) -> str:
+def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float, growth: float) -> str:
     """Why the target cannot be kept; growth: what one ulp at the start makes [rad, m]."""
     if not math.isfinite(noise):
         return (

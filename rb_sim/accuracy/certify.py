@@ -34,7 +34,7 @@ from rb_sim.accuracy.runs import (
     FORCE,
     POSITION,
     ROTATION,
-    CountedRunner,
+    Runner,
     distances,
     from_one_ulp_apart,
     parts,
@@ -148,7 +148,7 @@ LAST_BITS = 4.0 * EPS
 refined until they agree better."""
 
 
-def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
+def two_runs(runner: Runner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
     """Two runs that agree to a tenth of the error of the run of these rows, or as far as doubles
     and time go; where no other method comes to the end, two of its own."""
     tolerance = max(min(1e-9, 0.01 * (setting.tolerance or 1.0)), TIGHTEST)
@@ -167,7 +167,7 @@ def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float
     return as_far_as_events_go(runner, sharp or sharpest(runner, tolerance), own)
 
 
-def within_error_of(run: Array, runner: CountedRunner) -> Excess:
+def within_error_of(run: Array, runner: Runner) -> Excess:
     """How far two runs are apart over what is enough: a tenth of the error of the run of these
     rows, or what rounding leaves.
 
@@ -187,7 +187,7 @@ def within_error_of(run: Array, runner: CountedRunner) -> Excess:
     return excess
 
 
-def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
+def of_its_own(runner: Runner, setting: Setting) -> CheckedRun:
     """The same method at a quarter and half of the step, or with a ten-thousandth and a hundredth
     of the tolerance.
 
@@ -201,7 +201,7 @@ def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
     return pair(runner, finest, finer)
 
 
-def as_far_as_events_go(runner: CountedRunner, sharp: Setting, own: CheckedRun) -> CheckedRun:
+def as_far_as_events_go(runner: Runner, sharp: Setting, own: CheckedRun) -> CheckedRun:
     """A run from event to event beside the finest of steps alone, up to where it ends.
 
     Steps of any length may agree on what none of them tells, as with the impact of a rim whose low
@@ -338,7 +338,7 @@ def certify(
     Its cost is counted, not timed, so the same scene gets the same certificate on every machine.
     """
     times = sample_times(options) if times is None else times
-    runner = CountedRunner(compiled, options.duration, times, look)
+    runner = Runner(compiled, options.duration, times, look)
     rows, _ = runner.sampled(setting)
     spent = runner.spent
     ended = int(np.isfinite(rows).all(axis=1).sum())
@@ -353,7 +353,7 @@ def certify(
     return stated(runner, setting, rows, true, ulp, float(times[-1]))
 
 
-def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
+def ulp_apart(runner: Runner, true: CheckedRun) -> Array:
     """How far starts one ulp apart come from the sharp run, (n, 6)."""
     rows, _ = runner.sampled(true.setting)
     sizes = sizes_of(rows, runner.compiled)
@@ -362,7 +362,7 @@ def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
 
 
 def stated(
-    runner: CountedRunner,
+    runner: Runner,
     setting: Setting,
     rows: Array,
     true: CheckedRun,
@@ -405,7 +405,7 @@ def largest(errors: Array) -> tuple[float, ...]:
     return tuple(float(value) for value in errors.max(axis=0))
 
 
-def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Array:
+def shares(errors: Array, size: Array, rows: Array, runner: Runner) -> Array:
     """The error of the pose at each instant [rad], or as a share of the way of the bodies, (n,)."""
     bodies = len(runner.compiled.layout.bodies)
     places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]

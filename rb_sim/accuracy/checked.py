@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.choice import TIGHTEST, Setting, dividing
-from rb_sim.accuracy.runs import CountedRunner, pose_difference
+from rb_sim.accuracy.runs import Runner, pose_difference
 from rb_sim.mechanics.methods import METHODS, tried
 from rb_sim.mechanics.samples import Array
 from rb_sim.motion.motion import ENDLESS
@@ -74,7 +74,7 @@ def reach(gaps: Array) -> int:
     return int(lost[0]) if len(lost) else len(gaps)
 
 
-def pair(runner: CountedRunner, setting: Setting, checker: Setting) -> CheckedRun:
+def pair(runner: Runner, setting: Setting, checker: Setting) -> CheckedRun:
     """The runs of two settings, and how far they agree."""
     (rows, steps), (other, _) = runner.sampled(setting), runner.sampled(checker)
     gaps = pose_difference(other, rows, runner.compiled.layout)
@@ -85,7 +85,7 @@ Excess = Callable[[Array, Array], float]
 """How far two runs of these rows are apart, over what is enough."""
 
 
-def pose_within(target: float, runner: CountedRunner) -> Excess:
+def pose_within(target: float, runner: Runner) -> Excess:
     """The excess of the pose over a target [rad, m]."""
     layout = runner.compiled.layout
     return lambda rows, other: float(pose_difference(other, rows, layout).max()) / target
@@ -108,9 +108,7 @@ OUTRUN = 3.0
 """
 
 
-def pilot(
-    runner: CountedRunner, tolerance: float, longest: float = LONGEST_PILOT
-) -> Setting | None:
+def pilot(runner: Runner, tolerance: float, longest: float = LONGEST_PILOT) -> Setting | None:
     """The first adaptive setting to come to the end, with the least limit at which one does.
 
     A scene too stiff for one method is left early, and another gets its turn; each goes on where it
@@ -144,7 +142,7 @@ def pilot(
     return ended
 
 
-def sharpest(runner: CountedRunner, tolerance: float) -> Setting:
+def sharpest(runner: Runner, tolerance: float) -> Setting:
     """The method of highest order that adapts its step, with this tolerance."""
     return Setting(by_order(runner.compiled.system)[0], tolerance=tolerance)
 
@@ -155,7 +153,7 @@ def by_order(system: Any) -> list[str]:
     return sorted(able, key=lambda name: -METHODS[name].order)
 
 
-def time_left(runner: CountedRunner, now: float, before: float) -> float:
+def time_left(runner: Runner, now: float, before: float) -> float:
     """Counted time that a run broken off at the limit still needs [s], at the faster of two paces.
 
     now: simulated time that it has reached; before: the same with a limit PATIENCE times lower.
@@ -168,7 +166,7 @@ def time_left(runner: CountedRunner, now: float, before: float) -> float:
 # The run that confirms it, and the refinement of both.
 
 
-def checked_run(runner: CountedRunner, sharp: Setting, excess: Excess, budget: float) -> CheckedRun:
+def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -> CheckedRun:
     """Refine two runs by different methods until their excess is at most 1, or no longer falls.
 
     sharp: the setting of the first. budget: counted time of the runner [s]; no refinement begins
@@ -213,7 +211,7 @@ def checked_run(runner: CountedRunner, sharp: Setting, excess: Excess, budget: f
 
 
 def first_to_end(
-    runner: CountedRunner, sharp: Setting, step: float, budget: float
+    runner: Runner, sharp: Setting, step: float, budget: float
 ) -> tuple[Setting, Array, float]:
     """(setting, rows, counted time [s]) of the first run that may confirm another and comes to the
     end, or of the last tried.
@@ -244,7 +242,7 @@ def independent_of(sharp: Setting, step: float, system: Any) -> Iterator[Setting
             yield sharp._replace(name=name)
 
 
-def timed(runner: CountedRunner, setting: Setting) -> tuple[tuple[Array, int], float]:
+def timed(runner: Runner, setting: Setting) -> tuple[tuple[Array, int], float]:
     """(rows, steps) of a run and its counted time [s], also where it had been made before."""
     before = runner.spent
     result = runner.sampled(setting)

@@ -23,7 +23,6 @@ from rb_sim.accuracy.choice import TIGHTEST, Setting, dividing
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.runs import (
     EPS,
-    CountedRunner,
     Errors,
     Runner,
     compare,
@@ -100,7 +99,7 @@ class Reference:
         )
 
 
-def reference(runner: CountedRunner, budget: float) -> Reference:
+def reference(runner: Runner, budget: float) -> Reference:
     """Closed form where the scene has one, else the tightest run; checked by another method.
 
     budget: counted time of the runner for it [s].
@@ -127,13 +126,13 @@ def reference(runner: CountedRunner, budget: float) -> Reference:
     return min(sides, key=lambda side: side.agreement.pose)
 
 
-def scatter(runner: CountedRunner, run: CheckedRun) -> Errors:
+def scatter(runner: Runner, run: CheckedRun) -> Errors:
     """Largest differences from the run, of the same run on other grids of steps."""
     others = (runner.sampled(run.setting.scaled(share, runner.duration))[0] for share in GRIDS)
     return largest_errors(others, run.rows, runner.compiled.layout)
 
 
-def rows_of(runner: CountedRunner, setting: Setting, coordinates: Array) -> Array:
+def rows_of(runner: Runner, setting: Setting, coordinates: Array) -> Array:
     """Samples at the runner's times in the states with these coordinates, (n, len y)."""
     motion = runner.motion(setting)
     rows = np.zeros((len(coordinates), motion.width))
@@ -232,14 +231,15 @@ def climb(
     tell = progress or (lambda what, share: None)
     options = scene.simulation
     times = sample_times(options)
-    runner = Runner(compile_scene(scene), options.duration, times, time.perf_counter)
+    runner = Runner(compile_scene(scene), options.duration, times)
     forms = settings_of(runner)
     for i, setting in enumerate(forms):
         tell(f"compiling {setting.name}", 0.3 * i / len(forms))
         runner.motion(setting)
     clock = Clock(budget)
     tell("reference", 0.3)
-    true = reference(CountedRunner(runner.compiled, options.duration, times), 0.3 * budget)
+    true = reference(runner, 0.3 * budget)
+    runner.limit = math.inf
     ladders: list[Ladder] = []
     for i, setting in enumerate(forms):
         tell(ladder_name(setting), 0.4 + 0.6 * i / len(forms))
@@ -281,7 +281,7 @@ def one_ladder(
     rivals: what other methods gave; one far above their cost ends the ladder.
     """
     clock = Clock(seconds)
-    runner.limit = LONGEST * seconds
+    runner.wall = LONGEST * seconds
     ratio = 0.1 if form.step is None else 1.0 / min(2.0, 10.0 ** (1.0 / form.order))
     seen = from_coarsest(runner, form, true, ratio, clock)
     known, setting = list(seen), next(iter(seen), form)
@@ -338,12 +338,11 @@ def from_coarsest(
     """
     if form.step is None:
         return {}
-    duration, layout = runner.duration, runner.compiled.layout
+    duration = runner.duration
     setting = form.with_knob(dividing(true.mean_step, duration))
     seen: Seen = {}
     for _ in range(24):
-        rows, steps = runner.sampled(setting)
-        errors = compare(rows, true.rows, layout)
+        steps, errors = tried(runner, setting, true)
         if seen and not math.isfinite(errors.pose):
             break
         seen[setting] = steps, errors
@@ -357,9 +356,12 @@ def from_coarsest(
 
 def measured(runner: Runner, setting: Setting, true: Reference, seen: Seen) -> Rung:
     """The rung of a setting; run for its errors unless that has been done."""
-    if setting in seen:
-        steps, errors = seen[setting]
-    else:
-        rows, steps = runner.sampled(setting)
-        errors = compare(rows, true.rows, runner.compiled.layout)
-    return Rung(setting, steps, errors, runner.cost(setting))
+    steps, errors = seen.get(setting) or tried(runner, setting, true)
+    return Rung(setting, steps, errors, runner.measured_cost(setting))
+
+
+def tried(runner: Runner, setting: Setting, true: Reference) -> tuple[int, Errors]:
+    """Steps and errors of the setting; its rows are not kept, for there are many settings."""
+    rows, steps = runner.sampled(setting)
+    runner.forget()
+    return steps, compare(rows, true.rows, runner.compiled.layout)

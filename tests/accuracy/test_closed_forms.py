@@ -29,7 +29,7 @@ from rb_sim.accuracy.closed_forms.rotors import (
     long,
 )
 from rb_sim.accuracy.ladder import reference
-from rb_sim.accuracy.runs import CountedRunner, sample_times
+from rb_sim.accuracy.runs import Runner, sample_times
 from rb_sim.numerics.rotations import angle_between, product, rotate
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.compiled import Compiled
@@ -331,7 +331,7 @@ def test_shipped_scene_has_its_closed_form(name: str) -> None:
 
 def test_a_ladder_measures_contacts_by_their_closed_form() -> None:
     scene = load_scene(CONFIG / "bouncing_ball.yaml", duration=0.6)
-    runner = CountedRunner(compile_scene(scene), 0.6, sample_times(scene.simulation))
+    runner = Runner(compile_scene(scene), 0.6, sample_times(scene.simulation))
     true = reference(runner, 30.0)
     assert "closed form" in true.kind and true.agreement.pose < 1e-9
 
