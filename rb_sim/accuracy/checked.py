@@ -187,7 +187,7 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
         if least <= 1.0 or stalled >= patience:
             break
         if checker_next:
-            finer = finer_step(checker, before, duration, 1.0 / left)
+            finer = refined(checker, before, duration, 1.0 / left)
         else:
             finer = sharper(sharp, duration / max(1, steps), duration)
         if left < 2.0 or runner.beyond(finer):
@@ -258,7 +258,7 @@ def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
     return Setting(sharp.name, step=dividing(0.5 * mean_step, duration))
 
 
-def finer_step(checker: Setting, excess: float, duration: float, least: float) -> Setting:
+def refined(checker: Setting, excess: float, duration: float, least: float) -> Setting:
     """The checker with the step that its order says is needed, within bounds; an adaptive one with
     a hundredth of its tolerance.
 
