@@ -102,10 +102,10 @@ class Reference:
 def reference(runner: Runner, budget: float) -> Reference:
     """Closed form where the scene has one, else the tightest run; checked by another method.
 
-    budget: counted time of the runner for it [s].
+    budget: time of the runner for it [s].
     """
     first = pilot(runner, TIGHTEST, budget) or sharpest(runner, TIGHTEST)
-    runner.limit = budget
+    runner.limit = math.inf
     run = checked_run(runner, first, pose_within(4.0 * EPS, runner), 0.6 * budget)
     layout = runner.compiled.layout
     moved = from_one_ulp_apart(runner, run.setting, TRIALS, budget - runner.spent)
@@ -238,8 +238,8 @@ def climb(
         runner.motion(setting)
     clock = Clock(budget)
     tell("reference", 0.3)
+    runner.wall = 0.3 * budget
     true = reference(runner, 0.3 * budget)
-    runner.limit = math.inf
     ladders: list[Ladder] = []
     for i, setting in enumerate(forms):
         tell(ladder_name(setting), 0.4 + 0.6 * i / len(forms))

@@ -301,7 +301,7 @@ def affordable_times(compiled: Compiled, options: SimulationOptions) -> Array:
 class Runner:
     """Runs of one compiled scene over one span of time, each setting once from the same start.
 
-    Their times are counted, work at written prices, where it is not said that they are measured.
+    Their times are counted, work at written prices, unless `wall` is set.
     compiled: the scene. duration: length of every run [s]. times: instants to compare at [s].
     look: called now and then during a run; what it raises but SimulationError ends all.
     """
@@ -325,7 +325,7 @@ class Runner:
         """Time after which a run is broken off, and that all runs together may take [s]."""
         self.wall = math.inf
         """Measured time after which a run is broken off [s]: too coarse a method may take a block
-        that rocks for one that rattles."""
+        that rocks for one that rattles.  Where it is set, `spent` and `known_cost` are measured."""
         self._begun = 0.0
         self._allowed = math.inf
         self.broken_off = False
@@ -386,7 +386,9 @@ class Runner:
             return self.sampled(setting)
         motion, rows = self._motions[kind], begun[1]
         self._current, self.broken_off = (setting, motion), False
-        before = self.spent - self._counted(setting, motion) - self._looking(setting)
+        before, self._begun = self.spent, time.perf_counter()
+        if self.wall == math.inf:
+            before -= self._counted(setting, motion) + self._looking(setting)
         self._allowed = min(self.limit, self.purse - before - self._looking(setting))
         self._carry(motion, rows, int(np.isfinite(rows).all(axis=1).argmin()))
         if self.broken_off:
@@ -414,7 +416,9 @@ class Runner:
     ) -> tuple[Array, int]:
         """What a run gave and what it was worth; kept: the run is from the scene's own start."""
         self.runs += 1
-        stepping = self._counted(setting, self.motion_of(setting))
+        stepping, looking = self._counted(setting, self.motion_of(setting)), self._looking(setting)
+        if self.wall < math.inf:
+            stepping, looking = time.perf_counter() - self._begun, 0.0
         if kept:
             ended = bool(np.isfinite(rows[-1]).all())
             self._costs[setting] = stepping / self.duration if ended else math.inf
@@ -423,7 +427,7 @@ class Runner:
                 events = self.motion_of(setting).events
                 self._impacts[setting] = np.unique([e.t for e in events if any(e.impulse)])
                 self._see_slips(setting, ended, any(event.kind == "sticks" for event in events))
-        self.spent = before + stepping + self._looking(setting)
+        self.spent = before + stepping + looking
         return rows, steps
 
     def _see_slips(self, setting: Setting, ended: bool, stuck: bool) -> None:
@@ -437,8 +441,9 @@ class Runner:
     def beyond(self, setting: Setting) -> bool:
         """Whether a run is known to cost more than the limit or than what is left, before it is
         begun."""
-        if self._loses_slips and METHODS[setting.name].family == ITERATED:
-            return True
+        iterated = METHODS[setting.name].family == ITERATED
+        if iterated and self._loses_slips and self.wall == math.inf:
+            return True  # the wall would break it off
         known = 0.0
         if setting.step is not None:
             known = self.duration / setting.step * self._unit * self._evaluations(setting)
