@@ -30,8 +30,8 @@ from benchmarks.fuzz import random_scenes
 from benchmarks.fuzz.random_scenes import Mapping, magnitude, unit, vector
 from rb_sim import load_scene
 from rb_sim.accuracy import auto
-from rb_sim.accuracy.checked import checked_run
-from rb_sim.accuracy.runs import CountedRunner, pose_difference, sample_times
+from rb_sim.accuracy.checked import checked_run, local_tolerance, pilot, pose_within, sharpest
+from rb_sim.accuracy.runs import Runner, pose_difference, sample_times
 from rb_sim.base.errors import RbSimError
 from rb_sim.scene.compile import compile_scene
 
@@ -144,17 +144,17 @@ def searched(mapping: Mapping, beyond: float) -> tuple[str, bool]:
     """(the row, whether all that was promised holds). beyond: counted time for the truth [s]."""
     scene = load_scene(mapping)
     options, compiled = scene.simulation, compile_scene(scene)
-    runners: list[CountedRunner] = []
+    runners: list[Runner] = []
 
-    def made(*arguments: Any) -> CountedRunner:
-        runners.append(CountedRunner(*arguments))
+    def made(*arguments: Any) -> Runner:
+        runners.append(Runner(*arguments))
         return runners[-1]
 
-    auto.__dict__["CountedRunner"] = made
+    auto.__dict__["Runner"] = made
     try:
         choice = auto.choose(compiled, options)
     finally:
-        auto.__dict__["CountedRunner"] = CountedRunner
+        auto.__dict__["Runner"] = Runner
     began = time.process_time()
     auto.choose(compiled, options)
     cpu = time.process_time() - began
@@ -164,9 +164,12 @@ def searched(mapping: Mapping, beyond: float) -> tuple[str, bool]:
         f"{spent:7.3f} s {cpu:7.3f} s {spent / one if one else np.nan:9.3g} runs "
         f"{options.tolerance:8.1e} {choice.predicted_error:8.1e}"
     )
-    truth = CountedRunner(compiled, options.duration, sample_times(options))
+    truth = Runner(compiled, options.duration, sample_times(options))
+    target = 0.01 * min(float(options.tolerance or 0.0), 0.1)
+    tolerance = local_tolerance(target)
+    first = pilot(truth, tolerance, beyond) or sharpest(truth, tolerance)
     truth.limit = beyond
-    true = checked_run(truth, 0.01 * min(float(options.tolerance or 0.0), 0.1), beyond)
+    true = checked_run(truth, first, pose_within(target, truth), beyond)
     rows, _ = truth.sampled(choice.setting)
     error = float(pose_difference(rows, true.rows, compiled.layout).max())
     known = true.agreement < 0.3 * float(options.tolerance or 0.0)

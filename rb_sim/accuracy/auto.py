@@ -29,12 +29,14 @@ from rb_sim.accuracy.checked import (
     CheckedRun,
     checked_run,
     local_tolerance,
+    pilot,
+    pose_within,
     sharper,
-    sharpest_adaptive,
+    sharpest,
 )
 from rb_sim.accuracy.choice import TIGHTEST, Choice, Setting, dividing, evaluations
 from rb_sim.accuracy.runs import (
-    CountedRunner,
+    Runner,
     affordable_times,
     distances,
     from_one_ulp_apart,
@@ -43,10 +45,9 @@ from rb_sim.accuracy.runs import (
 from rb_sim.compiler import shipped
 from rb_sim.graph import store
 from rb_sim.graph.taylor_series import NoSeriesError
-from rb_sim.mechanics.methods import METHODS, tried
+from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.table_laws import BODIES
-from rb_sim.motion.motion import ENDLESS
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene, SimulationOptions
 
@@ -129,14 +130,6 @@ is seen to be over its limit."""
 DEAR_CHECK = 0.35
 """As CHECK, where runs are dear: one that is sharp enough to be chosen itself."""
 
-FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.05, 2.0, 4000.0
-"""Counted time after which a first run is broken off, the factor by which it grows when none came
-to its end, and where it is given up [s]; before that where all would need ENDLESS at their pace."""
-
-OUTRUN = 3.0
-"""A first run is not gone on with while its pace promises an end this factor later than another's.
-"""
-
 
 class Found(NamedTuple):
     """A setting that keeps the limit."""
@@ -158,7 +151,7 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     assert options.tolerance is not None  # the schema sees to it for method auto
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
-    runner = CountedRunner(compiled, options.duration, affordable_times(compiled, options))
+    runner = Runner(compiled, options.duration, affordable_times(compiled, options))
     first = pilot(runner, local_tolerance(CHECK * aim))
     if first is None:
         return given_up(runner, target)
@@ -167,7 +160,8 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     dear = budget > ONE_SECOND
     runner.limit = runner.purse = budget
     share = DEAR_CHECK if dear else CHECK
-    true = checked_run(runner, share * aim, budget - one if dear else 0.6 * budget, first)
+    enough = pose_within(share * aim, runner)
+    true = checked_run(runner, first, enough, budget - one if dear else 0.6 * budget)
     left = 0.5 * (budget - runner.spent)  # a second trial that is broken off would tell nothing
     moved = from_one_ulp_apart(runner, true.setting, 1 if dear else 2, left)
     growth = max(apart(rows, true.rows, runner) for rows in moved)
@@ -194,12 +188,12 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     )  # fmt: skip
 
 
-def apart(rows: Array, others: Array, runner: CountedRunner) -> float:
+def apart(rows: Array, others: Array, runner: Runner) -> float:
     """Largest difference of the pose of two runs [rad, m]."""
     return float(pose_difference(rows, others, runner.compiled.layout).max())
 
 
-def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
+def by_chance(runner: Runner, true: CheckedRun, growth: float) -> float:
     """How far the checked run moves when it is made sharper [rad, m], where that says more than its
     checker; else 0.
 
@@ -213,7 +207,7 @@ def by_chance(runner: CountedRunner, true: CheckedRun, growth: float) -> float:
     return moved if math.isfinite(moved) else 0.0
 
 
-def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
+def errors_of(runner: Runner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
     """Largest errors of pose, twist and reactions, the uncertainty of the checked run added."""
     layout = runner.compiled.layout
     rows, _ = runner.sampled(setting)
@@ -222,59 +216,20 @@ def errors_of(runner: CountedRunner, setting: Setting, true: CheckedRun) -> tupl
     return tuple(errors.max(axis=0).tolist())
 
 
-def pilot(runner: CountedRunner, tolerance: float) -> Setting | None:
-    """The first adaptive setting to come to the end, with the least limit at which one does.
-
-    A scene too stiff for one method is left early, and another gets its turn; each goes on where it
-    was broken off, the slow ones only while none promises an end much before theirs.  None beyond
-    LONGEST_PILOT, or where no run grows quick enough to come to its end within ENDLESS.
-    """
-    system = runner.compiled.system
-    able = [n for n, e in tried(system).items() if e.adaptive is not None]
-    able.sort(key=lambda name: -METHODS[name].order)
-    reached: dict[str, float] = {}
-    left = dict.fromkeys(able, 0.0)
-    """counted time to the end of each, as far as its pace tells [s]."""
-    runner.limit = FIRST_PILOT
-    while runner.limit < LONGEST_PILOT:
-        soonest = min(left.values())
-        for name in [name for name in able if left[name] <= OUTRUN * soonest]:
-            setting = Setting(name, tolerance=tolerance)
-            runner.carried_on(setting)
-            if not runner.broken_off:  # at its end, or where the motion itself has one
-                return setting
-            now = runner.motion_of(setting).frontier[0]
-            left[name] = time_left(runner, now, reached.get(name, 0.0))
-            reached[name] = now
-        if runner.limit > FIRST_PILOT and min(left.values()) > ENDLESS:
-            return None
-        runner.limit *= PATIENCE
-    return None
-
-
-def time_left(runner: CountedRunner, now: float, before: float) -> float:
-    """Counted time that a run broken off at the limit still needs [s], at the faster of two paces.
-
-    now: simulated time that it has reached; before: the same with a limit PATIENCE times lower.
-    """
-    limit = runner.limit
-    pace = max(now / limit, (now - before) / (limit * (1.0 - 1.0 / PATIENCE)))
-    return (runner.duration - now) / pace if pace > 0.0 else math.inf
-
-
-def given_up(runner: CountedRunner, target: float) -> Choice:
+def given_up(runner: Runner, target: float) -> Choice:
     """What is said where no method comes to the end: the sharpest there is, as it is."""
-    name = sharpest_adaptive(runner.compiled.system)
+    setting = sharpest(runner, local_tolerance(target))
     words = (
         f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method "
         f"reached the end within {runner.limit:g} counted seconds; the scene is too stiff or "
         "too long"
     )
-    return Choice(name, None, local_tolerance(target), target, math.inf, math.inf, False, words)
+    infinite = math.inf, math.inf
+    return Choice(setting.name, None, setting.tolerance, target, *infinite, False, words)
 
 
 def search(
-    runner: CountedRunner, true: CheckedRun, aim: float, limit: float, budget: float
+    runner: Runner, true: CheckedRun, aim: float, limit: float, budget: float
 ) -> list[Found]:
     """The coarsest setting within the limit of every method that may be the cheapest."""
     found: list[Found] = []
@@ -289,7 +244,7 @@ def search(
     return found
 
 
-def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Setting]:
+def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
     """Where to begin with each: those of highest order first, those that are mostly dear last.
 
     A body that takes commands gets methods that adapt their step: what will be commanded is not
@@ -313,7 +268,7 @@ def candidates(runner: CountedRunner, true: CheckedRun, aim: float) -> list[Sett
 
 
 def coarsest(
-    runner: CountedRunner,
+    runner: Runner,
     setting: Setting,
     true: CheckedRun,
     limit: float,
@@ -370,7 +325,7 @@ def next_setting(
     return setting.scaled(factor, duration)
 
 
-def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float, count: int) -> str:
+def reason(runner: Runner, true: CheckedRun, target: float, error: float, count: int) -> str:
     """The sentence that says why a setting was chosen: method, bound, error, and what confirms
     it."""
     others = f"cheapest of {count} methods within" if count > 1 else "within"
@@ -380,9 +335,7 @@ def reason(runner: CountedRunner, true: CheckedRun, target: float, error: float,
     )
 
 
-def shortfall(
-    runner: CountedRunner, true: CheckedRun, target: float, noise: float, growth: float
-) -> str:
+def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float, growth: float) -> str:
     """Why the target cannot be kept; growth: what one ulp at the start makes [rad, m]."""
     if not math.isfinite(noise):
         return (

@@ -18,7 +18,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.accuracy.checked import CheckedRun, by_order, checked_run
+from rb_sim.accuracy.checked import (
+    CheckedRun,
+    Excess,
+    checked_run,
+    pair,
+    pilot,
+    reach,
+    sharpest,
+)
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
 from rb_sim.accuracy.choice import TIGHTEST, Setting, listed
 from rb_sim.accuracy.runs import (
@@ -26,16 +34,16 @@ from rb_sim.accuracy.runs import (
     FORCE,
     POSITION,
     ROTATION,
-    CountedRunner,
+    Runner,
     distances,
     from_one_ulp_apart,
     parts,
+    pose_difference,
     sample_times,
     sizes_of,
 )
 from rb_sim.base.plain_data import finite
 from rb_sim.base.rounding import COMPUTED_ROUNDING
-from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.motion.motion import nothing
 from rb_sim.scene.compiled import Compiled
@@ -131,165 +139,81 @@ def fitted(x: Array, y: Array) -> tuple[float, float]:
 SHARPER = 0.1
 """Share of a run's error to which the two runs that it is measured by should agree."""
 
-LOST = 0.1
-"""Error, in rad or as a share of the way of the bodies, that says nothing about where they are."""
-
-HALVINGS = 6
-"""Of the step of a checker, where chaos parts it from the sharp run."""
-
-AGREED = 1e-9
-"""Difference in pose [m, rad] at which the first two runs agree well enough."""
-
 FIRST = 0.25
 """Share of the budget that the first run of a method may take: one that needs more for it, as an
 explicit method does where something dies out fast, has nothing left to be refined with."""
-
-CHEAPER = 0.25
-"""Share of the cost of one sharp method for which another of lower order is taken instead."""
 
 LAST_BITS = 4.0 * EPS
 """Share of the largest value of a quantity below which two runs differ by rounding: they are not
 refined until they agree better."""
 
 
-def two_runs(runner: CountedRunner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
-    """Two runs that agree to a tenth of the run's error, or as far as doubles and time go."""
-    if setting.name == "time_stepping":
-        own = of_its_own(runner, setting)
-        if runner.compiled.between is not None:  # other methods do not know its pairs
-            return own
-        return as_far_as_events_go(runner, setting, own, budget)
-    best = checked_run(runner, AGREED, budget, first_sharp(runner, setting, budget))
-    layout = runner.compiled.layout
-    for _ in range(3):
-        enough = agreement_enough(best, rows, layout)
-        excess = most_of(apart(best, layout), enough)
-        if excess <= 1.0 or runner.spent > budget:
-            break
-        target = best.agreement / excess if math.isfinite(excess) else AGREED
-        true = checked_run(runner, target, budget, best.setting)
-        if not most_of(apart(true, layout), enough) < excess:
-            break
-        best = true
-    if LOST < best.agreement < math.inf:
-        best = tell_longest(runner, best, budget)
-    if is_alone(best, setting):
-        best = max(best, of_its_own(runner, setting), key=lambda each: reach(each.gaps))
-    return best
-
-
-def is_alone(best: CheckedRun, setting: Setting) -> bool:
-    """Whether nothing but the method of the run itself comes to the end: no other at all, or, where
-    what dies out at once takes an L-stable method, none that agrees with it."""
-    if setting.step is not None:
-        return not math.isfinite(best.agreement)
-    stable = METHODS[setting.name].family == "radau" and best.setting.name == setting.name
-    return stable and not best.agreement <= LOST
-
-
-def first_sharp(runner: CountedRunner, setting: Setting, budget: float) -> Setting:
-    """The method of highest order that comes to the end within a share of the budget, with a
-    tolerance below that of the setting; another where it is much cheaper, an L-stable one where
-    what has died out keeps the steps of the others short."""
+def two_runs(runner: Runner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
+    """Two runs that agree to a tenth of the error of the run of these rows, or as far as doubles
+    and time go; where no other method comes to the end, two of its own."""
     tolerance = max(min(1e-9, 0.01 * (setting.tolerance or 1.0)), TIGHTEST)
-    able = [Setting(name, tolerance=tolerance) for name in by_order(runner.compiled.system)]
-    found, limit, most = able[0], runner.limit, FIRST * budget
-    for each in able if len(able) > 1 else ():
-        runner.limit = most
-        if np.isfinite(runner.sampled(each)[0][-1]).all():
-            found, most = each, min(most, CHEAPER * runner.known_cost(each))
-    runner.limit = limit
-    return found
+    if setting.name != "time_stepping":
+        sharp = pilot(runner, tolerance, FIRST * budget)
+        runner.limit = budget
+        if sharp is not None:
+            best = checked_run(runner, sharp, within_error_of(rows, runner), budget)
+            if math.isfinite(best.agreement):
+                return best
+        return of_its_own(runner, setting)
+    own = of_its_own(runner, setting)
+    if runner.compiled.between is not None:  # other methods do not know its pairs
+        return own
+    sharp = pilot(runner, tolerance, FIRST * budget)
+    return as_far_as_events_go(runner, sharp or sharpest(runner, tolerance), own)
 
 
-def agreement_enough(run: CheckedRun, rows: Array, layout: SampleLayout) -> Array:
-    """How closely the two should agree in pose and velocities, (4,): a tenth of the error of the
-    run of these rows, or what rounding leaves.
+def within_error_of(run: Array, runner: Runner) -> Excess:
+    """How far two runs are apart over what is enough: a tenth of the error of the run of these
+    rows, or what rounding leaves.
 
     Velocities count for themselves: of what dies out within a microsecond they are wrong by a
     million times the error of the pose.
     """
-    error = distances(rows, run.rows, layout).max(axis=0)
-    values = [np.abs(part).max(initial=0.0) for part in parts(run.rows, layout)]
-    return np.maximum(SHARPER * error, LAST_BITS * np.array(values))[:FORCE]
+    layout = runner.compiled.layout
+
+    def excess(rows: Array, other: Array) -> float:
+        apart, error = (distances(each, rows, layout).max(axis=0)[:FORCE] for each in (other, run))
+        values = [np.abs(part).max(initial=0.0) for part in parts(rows, layout)]
+        enough = np.maximum(SHARPER * error, LAST_BITS * np.array(values)[:FORCE])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(apart > 0.0, apart / enough, 0.0)
+        return float(np.nan_to_num(share, nan=math.inf, posinf=math.inf).max())
+
+    return excess
 
 
-def apart(run: CheckedRun, layout: SampleLayout) -> Array:
-    """How far the two are apart in pose and velocities, (4,)."""
-    return distances(run.other, run.rows, layout).max(axis=0)[:FORCE]
-
-
-def most_of(apart: Array, enough: Array) -> float:
-    """The largest share of what is enough; infinite where a run does not come to the end."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(apart > 0.0, apart / enough, 0.0)
-    return float(np.nan_to_num(share, nan=math.inf, posinf=math.inf).max())
-
-
-def tell_longest(runner: CountedRunner, best: CheckedRun, budget: float) -> CheckedRun:
-    """Of runs that part before the end, those that part last, as sharp as time allows."""
-    layout, longest = runner.compiled.layout, reach(best.gaps)
-    sharp, checker = best.setting, best.checker
-    if sharp.tolerance is not None:
-        sharp = sharp.with_knob(TIGHTEST)
-    rows, steps = runner.sampled(sharp)
-    for _ in range(HALVINGS):
-        other, _ = runner.sampled(checker)
-        gaps = distances(other, rows, layout)[:, :2].max(axis=1)
-        if reach(gaps) > longest:
-            longest = reach(gaps)
-            mean = runner.duration / max(1, steps)
-            best = CheckedRun(rows, other, sharp, checker, gaps, mean)
-        if checker.step is None or runner.spent > budget:
-            break
-        checker = checker.scaled(0.5, runner.duration)
-    return best
-
-
-def of_its_own(runner: CountedRunner, setting: Setting) -> CheckedRun:
-    """The same method at half and a quarter of the step, or with a hundredth and a ten-thousandth
-    of the tolerance, where no other comes to the end.
+def of_its_own(runner: Runner, setting: Setting) -> CheckedRun:
+    """The same method at a quarter and half of the step, or with a ten-thousandth and a hundredth
+    of the tolerance.
 
     Of a method of order 1 the three errors are as 4 : 2 : 1, so that the sum of the two differences
     is the error of the first.
     """
-    factors = (0.5, 0.25)
+    factors = (0.25, 0.5)
     if setting.tolerance is not None:  # not both the tightest
-        factors = (max(1e-2, 10.0 * TIGHTEST / setting.tolerance), 1e-4)
-    finer = [setting.scaled(factor, runner.duration) for factor in factors]
-    (other, _), (rows, steps) = (runner.sampled(each) for each in finer)
-    layout = runner.compiled.layout
-    gaps = distances(other, rows, layout)[:, :2].max(axis=1)
-    mean = runner.duration / max(1, steps)
-    return CheckedRun(rows, other, finer[1], finer[0], gaps, mean)
+        factors = (1e-4, max(1e-2, 10.0 * TIGHTEST / setting.tolerance))
+    finest, finer = (setting.scaled(factor, runner.duration) for factor in factors)
+    return pair(runner, finest, finer)
 
 
-def as_far_as_events_go(
-    runner: CountedRunner, setting: Setting, own: CheckedRun, budget: float
-) -> CheckedRun:
+def as_far_as_events_go(runner: Runner, sharp: Setting, own: CheckedRun) -> CheckedRun:
     """A run from event to event beside the finest of steps alone, up to where it ends.
 
     Steps of any length may agree on what none of them tells, as with the impact of a rim whose low
     point runs round it in less than a step. A heap, though, may have no events that one can follow.
     """
-    sharp = first_sharp(runner, setting, budget)
-    limit, runner.limit = runner.limit, FIRST * budget
     rows, _ = runner.sampled(sharp)
-    runner.limit = limit
     resolved = np.isfinite(rows).all(axis=1, keepdims=True)
-    if np.count_nonzero(resolved) < 2:
-        return own
     true, other = np.where(resolved, rows, own.rows), np.where(resolved, own.rows, own.other)
-    gaps = distances(other, true, runner.compiled.layout)[:, :2].max(axis=1)
-    if gaps.max() <= own.agreement:  # reactions stay those of one method: shares may be open
-        return own
+    gaps = pose_difference(other, true, runner.compiled.layout)
+    if np.count_nonzero(resolved) < 2 or gaps.max() <= own.agreement:
+        return own  # reactions stay those of one method: shares may be open
     return own._replace(rows=true, other=other, checker=sharp, gaps=gaps)
-
-
-def reach(lost: Array) -> int:
-    """Number of instants before the first at which the pose is lost."""
-    beyond = np.flatnonzero(~(lost <= LOST))
-    return int(beyond[0]) if len(beyond) else len(lost)
 
 
 # A certificate: the largest errors of a run, where they come from, and up to when they hold.
@@ -414,7 +338,7 @@ def certify(
     Its cost is counted, not timed, so the same scene gets the same certificate on every machine.
     """
     times = sample_times(options) if times is None else times
-    runner = CountedRunner(compiled, options.duration, times, look)
+    runner = Runner(compiled, options.duration, times, look)
     rows, _ = runner.sampled(setting)
     spent = runner.spent
     ended = int(np.isfinite(rows).all(axis=1).sum())
@@ -429,7 +353,7 @@ def certify(
     return stated(runner, setting, rows, true, ulp, float(times[-1]))
 
 
-def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
+def ulp_apart(runner: Runner, true: CheckedRun) -> Array:
     """How far starts one ulp apart come from the sharp run, (n, 6)."""
     rows, _ = runner.sampled(true.setting)
     sizes = sizes_of(rows, runner.compiled)
@@ -438,7 +362,7 @@ def ulp_apart(runner: CountedRunner, true: CheckedRun) -> Array:
 
 
 def stated(
-    runner: CountedRunner,
+    runner: Runner,
     setting: Setting,
     rows: Array,
     true: CheckedRun,
@@ -481,7 +405,7 @@ def largest(errors: Array) -> tuple[float, ...]:
     return tuple(float(value) for value in errors.max(axis=0))
 
 
-def shares(errors: Array, size: Array, rows: Array, runner: CountedRunner) -> Array:
+def shares(errors: Array, size: Array, rows: Array, runner: Runner) -> Array:
     """The error of the pose at each instant [rad], or as a share of the way of the bodies, (n,)."""
     bodies = len(runner.compiled.layout.bodies)
     places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rb_sim.accuracy.checked import CheckedRun, checked_run
+from rb_sim.accuracy.checked import CheckedRun, checked_run, pilot, pose_within, sharpest
 from rb_sim.accuracy.choice import TIGHTEST, Setting, dividing
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.runs import (
@@ -104,7 +104,9 @@ def reference(runner: Runner, budget: float) -> Reference:
 
     budget: time of the runner for it [s].
     """
-    run = checked_run(runner, 4.0 * EPS, 0.6 * budget)
+    first = pilot(runner, TIGHTEST, budget) or sharpest(runner, TIGHTEST)
+    runner.limit = math.inf
+    run = checked_run(runner, first, pose_within(4.0 * EPS, runner), 0.6 * budget)
     layout = runner.compiled.layout
     moved = from_one_ulp_apart(runner, run.setting, TRIALS, budget - runner.spent)
     growth = largest_errors(moved, run.rows, layout)
@@ -229,14 +231,14 @@ def climb(
     tell = progress or (lambda what, share: None)
     options = scene.simulation
     times = sample_times(options)
-    runner = Runner(compile_scene(scene), options.duration, times, time.perf_counter)
+    runner = Runner(compile_scene(scene), options.duration, times)
     forms = settings_of(runner)
     for i, setting in enumerate(forms):
         tell(f"compiling {setting.name}", 0.3 * i / len(forms))
         runner.motion(setting)
     clock = Clock(budget)
     tell("reference", 0.3)
-    runner.limit = 0.3 * budget
+    runner.wall = 0.3 * budget
     true = reference(runner, 0.3 * budget)
     ladders: list[Ladder] = []
     for i, setting in enumerate(forms):
@@ -279,7 +281,7 @@ def one_ladder(
     rivals: what other methods gave; one far above their cost ends the ladder.
     """
     clock = Clock(seconds)
-    runner.limit = LONGEST * seconds
+    runner.wall = LONGEST * seconds
     ratio = 0.1 if form.step is None else 1.0 / min(2.0, 10.0 ** (1.0 / form.order))
     seen = from_coarsest(runner, form, true, ratio, clock)
     known, setting = list(seen), next(iter(seen), form)
@@ -336,12 +338,11 @@ def from_coarsest(
     """
     if form.step is None:
         return {}
-    duration, layout = runner.duration, runner.compiled.layout
+    duration = runner.duration
     setting = form.with_knob(dividing(true.mean_step, duration))
     seen: Seen = {}
     for _ in range(24):
-        rows, steps = runner.sampled(setting)
-        errors = compare(rows, true.rows, layout)
+        steps, errors = tried(runner, setting, true)
         if seen and not math.isfinite(errors.pose):
             break
         seen[setting] = steps, errors
@@ -355,9 +356,12 @@ def from_coarsest(
 
 def measured(runner: Runner, setting: Setting, true: Reference, seen: Seen) -> Rung:
     """The rung of a setting; run for its errors unless that has been done."""
-    if setting in seen:
-        steps, errors = seen[setting]
-    else:
-        rows, steps = runner.sampled(setting)
-        errors = compare(rows, true.rows, runner.compiled.layout)
-    return Rung(setting, steps, errors, runner.cost(setting))
+    steps, errors = seen.get(setting) or tried(runner, setting, true)
+    return Rung(setting, steps, errors, runner.measured_cost(setting))
+
+
+def tried(runner: Runner, setting: Setting, true: Reference) -> tuple[int, Errors]:
+    """Steps and errors of the setting; its rows are not kept, for there are many settings."""
+    rows, steps = runner.sampled(setting)
+    runner.forget()
+    return steps, compare(rows, true.rows, runner.compiled.layout)

@@ -209,104 +209,6 @@ def sample_times(options: SimulationOptions) -> Array:
     return options.duration * np.arange(count + 1) / count
 
 
-class Runner:
-    """One compiled scene over one span of time.
-
-    compiled: the scene. duration: length of every run [s]. times: instants to compare at [s].
-    clock: what `spent` is read from [s]: CPU time, or the wall's for a user who waits.
-    """
-
-    def __init__(
-        self,
-        compiled: Compiled,
-        duration: float,
-        times: Array,
-        clock: Callable[[], float] = time.process_time,
-    ) -> None:
-        self.compiled = compiled
-        self.duration = duration
-        self.times = times
-        self.spent = 0.0
-        """Time of all runs so far, compilation left out [s]."""
-        self.limit = math.inf
-        """Time after which a run from event to event is broken off [s]: too coarse a method may
-        take a block that rocks for one that rattles."""
-        self._clock, self._begun = clock, 0.0
-        self._motions: dict[type, Motion] = {}
-
-    def motion(self, setting: Setting) -> Motion:
-        """The scene under the setting, at its start and compiled."""
-        method = setting.build(self.duration)
-        motion = self._motions.get(type(method))
-        if motion is None:
-            motion = motion_of(self.compiled, method)
-            motion.warm()
-            if motion.event_driven:
-                motion.watch = self._in_time
-            self._motions[type(method)] = motion
-        motion.method = method
-        motion.reset()
-        return motion
-
-    def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
-        """(rows at self.times, steps taken), started at the coordinates y if they are given.
-
-        Rows after the instant where the run could not go on are NaN.
-        """
-        motion = self.motion(setting)
-        start = self._begun = self._clock()
-        motion.reset(y)
-        rows = np.full((len(self.times), motion.width), np.nan)
-        try:
-            self._carry(motion, rows)
-        except SimulationError:
-            rows[-1] = np.nan
-        self.spent += self._clock() - start
-        return rows, motion.steps
-
-    def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
-        """Carry the motion from instant to instant; done: rows that are there already."""
-        motion.run_to(self.times[done:], rows[done:])
-
-    def cost(self, setting: Setting, budget: float = 0.02) -> float:
-        """CPU seconds per simulated second of stepping alone, the best of several runs.
-
-        budget: CPU time to spend on the measurement [s]; one run is made at least.
-        """
-        motion = self.motion(setting)
-        best, total, batch = math.inf, 0.0, 1
-        while True:
-            cpu = sum(self._one(motion) for _ in range(batch)) / batch
-            best, total = min(best, cpu), total + cpu * batch
-            if total >= budget or not math.isfinite(cpu):
-                break
-            batch = max(1, min(1000, int(EXPENSIVE / max(cpu, 1e-7))))
-        self.spent += total if math.isfinite(total) else 0.0
-        return best / self.duration
-
-    def beyond(self, setting: Setting) -> bool:
-        """Whether a run of the setting would take more than is left, as far as that is known."""
-        return False
-
-    def known_cost(self, setting: Setting) -> float:
-        """Time of a run of the setting that need not be made again [s]; 0 where that is nothing."""
-        return 0.0
-
-    def _one(self, motion: Motion) -> float:
-        """CPU time of one run without samples [s]; infinite if it cannot go on."""
-        motion.reset()
-        self._begun, start = self._clock(), time.process_time()
-        try:
-            motion.run_to([self.duration])
-        except SimulationError:
-            return math.inf
-        return time.process_time() - start
-
-    def _in_time(self) -> None:
-        if self._clock() - self._begun > self.limit:
-            raise SimulationError(f"stopped after {self.limit:.3g} s")
-
-
 # How much the scene itself magnifies one rounding: runs from initial states one ulp apart.
 
 
@@ -396,10 +298,11 @@ def affordable_times(compiled: Compiled, options: SimulationOptions) -> Array:
     return times if len(times) <= most else options.duration * np.linspace(0.0, 1.0, most + 1)
 
 
-class CountedRunner(Runner):
-    """As Runner, but `spent`, `limit` and `cost` are in counted seconds: work at written prices.
+class Runner:
+    """Runs of one compiled scene over one span of time, each setting once from the same start.
 
-    No setting is run twice from the same start; what it gave is kept.
+    Their times are counted, work at written prices, unless `wall` is set.
+    compiled: the scene. duration: length of every run [s]. times: instants to compare at [s].
     look: called now and then during a run; what it raises but SimulationError ends all.
     """
 
@@ -410,19 +313,28 @@ class CountedRunner(Runner):
         times: Array,
         look: Callable[[], None] = nothing,
     ) -> None:
-        super().__init__(compiled, duration, times)
+        self.compiled = compiled
+        self.duration = duration
+        self.times = times
         self._look = look
         self.runs = 0
         """runs made so far."""
-        self._unit = seconds_of_evaluation(compiled)
-        self._costs: dict[Setting, float] = {}
-        self._rows: dict[Setting, tuple[Array, int]] = {}
-        self._impacts: dict[Setting, Array] = {}
-        self.purse = math.inf
-        """Counted time that all runs together may take [s]."""
+        self.spent = 0.0
+        """Time of all runs so far, compilation left out [s]."""
+        self.limit, self.purse = math.inf, math.inf
+        """Time after which a run is broken off, and that all runs together may take [s]."""
+        self.wall = math.inf
+        """Measured time after which a run is broken off [s]: too coarse a method may take a block
+        that rocks for one that rattles.  Where it is set, `spent` and `known_cost` are measured."""
+        self._begun = 0.0
         self._allowed = math.inf
         self.broken_off = False
         """whether the last run ended at `limit`, or where the purse was empty."""
+        self._unit = seconds_of_evaluation(compiled)
+        self._motions: dict[type, Motion] = {}
+        self._costs: dict[Setting, float] = {}
+        self._rows: dict[Setting, tuple[Array, int]] = {}
+        self._impacts: dict[Setting, Array] = {}
         self._begun_runs: dict[type, tuple[Setting, Array]] = {}
         """of each class of methods the run that was broken off last, and its rows so far."""
         self._current: tuple[Setting, Motion] | None = None
@@ -430,17 +342,26 @@ class CountedRunner(Runner):
         self._loses_slips = False
 
     def motion(self, setting: Setting) -> Motion:
-        """As Runner.motion; the run is counted and ends at the limit."""
-        motion = super().motion(setting)
-        self._current = setting, motion
+        """The scene under the setting, at its start and compiled; it ends at the limits."""
+        method = setting.build(self.duration)
+        motion = self._motions.get(type(method))
+        if motion is None:
+            motion = motion_of(self.compiled, method)
+            motion.warm()
+            self._motions[type(method)] = motion
+        motion.method = method
+        motion.reset()
         motion.watch = self._in_time
-        self._begun_runs.pop(type(motion.method), None)
+        self._current, self._begun = (setting, motion), time.perf_counter()
+        self._begun_runs.pop(type(method), None)
         return motion
 
     def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
-        """As of Runner; no run goes beyond the limit or the purse, none is begun that has to.
+        """(rows at self.times, steps taken), started at the coordinates y if they are given.
 
-        Of a run broken off at the limit nothing is known but how far it came.
+        Rows after the instant where the run could not go on are NaN.  No run goes beyond the limit
+        or the purse, none is begun that has to; of one broken off nothing is known but how far it
+        came.
         """
         if y is None and setting in self._rows:
             return self._rows[setting]
@@ -449,12 +370,13 @@ class CountedRunner(Runner):
             self._costs.setdefault(setting, math.inf)
             return np.full((len(self.times), row_width(self.compiled.layout)), np.nan), 0
         self._allowed = min(self.limit, self.purse - self.spent - self._looking(setting))
-        before = self.spent
-        rows, steps = super().sampled(setting, y)
-        motion = self.motion_of(setting)
+        motion = self.motion(setting)
+        motion.reset(y)
+        rows = np.full((len(self.times), motion.width), np.nan)
+        self._carry(motion, rows)
         if y is None and self.broken_off:
             self._begun_runs[type(motion.method)] = setting, rows
-        return self._noted(setting, rows, steps, before, kept=y is None)
+        return self._noted(setting, rows, motion.steps, self.spent, kept=y is None)
 
     def carried_on(self, setting: Setting) -> tuple[Array, int]:
         """As `sampled`, but a run of this setting that was broken off goes on from there."""
@@ -464,34 +386,39 @@ class CountedRunner(Runner):
             return self.sampled(setting)
         motion, rows = self._motions[kind], begun[1]
         self._current, self.broken_off = (setting, motion), False
-        before = self.spent - self._counted(setting, motion) - self._looking(setting)
+        before, self._begun = self.spent, time.perf_counter()
+        if self.wall == math.inf:
+            before -= self._counted(setting, motion) + self._looking(setting)
         self._allowed = min(self.limit, self.purse - before - self._looking(setting))
-        done = int(np.isfinite(rows).all(axis=1).argmin())
-        try:
-            self._carry(motion, rows, done)
-        except SimulationError:
-            rows[-1] = np.nan
+        self._carry(motion, rows, int(np.isfinite(rows).all(axis=1).argmin()))
         if self.broken_off:
             self._begun_runs[kind] = setting, rows
         return self._noted(setting, rows, motion.steps, before, kept=True)
 
     def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
-        """As of Runner, but what was spent is looked at after every few instants, too: two thousand
-        implicit steps of many bodies may take seconds."""
+        """Carry the motion from instant to instant as far as it goes; done: rows that are there.
+
+        What was spent is looked at after every few instants, too: two thousand implicit steps of
+        many bodies may take seconds."""
         assert self._current is not None
         one = self._unit * self._evaluations(self._current[0])
         some = max(INSTANTS, int(UNSEEN / one))
-        for first in range(done, len(self.times), some):
-            motion.run_to(self.times[first : first + some], rows[first : first + some])
-            if first + some < len(self.times):
-                self._in_time()
+        try:
+            for first in range(done, len(self.times), some):
+                motion.run_to(self.times[first : first + some], rows[first : first + some])
+                if first + some < len(self.times):
+                    self._in_time()
+        except SimulationError:
+            rows[-1] = np.nan
 
     def _noted(
         self, setting: Setting, rows: Array, steps: int, before: float, kept: bool
     ) -> tuple[Array, int]:
         """What a run gave and what it was worth; kept: the run is from the scene's own start."""
         self.runs += 1
-        stepping = self._counted(setting, self.motion_of(setting))
+        stepping, looking = self._counted(setting, self.motion_of(setting)), self._looking(setting)
+        if self.wall < math.inf:
+            stepping, looking = time.perf_counter() - self._begun, 0.0
         if kept:
             ended = bool(np.isfinite(rows[-1]).all())
             self._costs[setting] = stepping / self.duration if ended else math.inf
@@ -500,7 +427,7 @@ class CountedRunner(Runner):
                 events = self.motion_of(setting).events
                 self._impacts[setting] = np.unique([e.t for e in events if any(e.impulse)])
                 self._see_slips(setting, ended, any(event.kind == "sticks" for event in events))
-        self.spent = before + stepping + self._looking(setting)
+        self.spent = before + stepping + looking
         return rows, steps
 
     def _see_slips(self, setting: Setting, ended: bool, stuck: bool) -> None:
@@ -514,8 +441,9 @@ class CountedRunner(Runner):
     def beyond(self, setting: Setting) -> bool:
         """Whether a run is known to cost more than the limit or than what is left, before it is
         begun."""
-        if self._loses_slips and METHODS[setting.name].family == ITERATED:
-            return True
+        iterated = METHODS[setting.name].family == ITERATED
+        if iterated and self._loses_slips and self.wall == math.inf:
+            return True  # the wall would break it off
         known = 0.0
         if setting.step is not None:
             known = self.duration / setting.step * self._unit * self._evaluations(setting)
@@ -537,7 +465,7 @@ class CountedRunner(Runner):
         return self._impacts.get(setting, np.zeros(0))
 
     def forget(self) -> None:
-        """Drop the rows that are kept: `times` are others from now on."""
+        """Drop the rows that are kept."""
         self._rows.clear()
 
     def motion_of(self, setting: Setting) -> Motion:
@@ -545,7 +473,7 @@ class CountedRunner(Runner):
         assert self._current is not None and self._current[0] == setting
         return self._current[1]
 
-    def cost(self, setting: Setting, budget: float = 0.0) -> float:
+    def cost(self, setting: Setting) -> float:
         """Counted seconds per simulated second of stepping alone; runs a setting not yet seen."""
         if setting not in self._costs:
             self.sampled(setting)
@@ -564,6 +492,36 @@ class CountedRunner(Runner):
     def _in_time(self) -> None:
         self._look()
         assert self._current is not None
+        if time.perf_counter() - self._begun > self.wall:
+            raise SimulationError(f"stopped after {self.wall:.3g} s")
         if self._counted(*self._current) > self._allowed:
             self.broken_off = True
             raise SimulationError(f"stopped after {self._allowed:.3g} counted seconds")
+
+    def measured_cost(self, setting: Setting, budget: float = 0.02) -> float:
+        """CPU seconds per simulated second of stepping alone, the best of several runs; infinite
+        if it cannot go on.
+
+        budget: CPU time to spend on the measurement [s]; one run is made at least.
+        """
+        motion = self.motion(setting)
+        self._allowed = math.inf
+        if not motion.event_driven:
+            motion.watch = nothing
+        best, total, batch = math.inf, 0.0, 1
+        while True:
+            cpu = sum(self._one(motion) for _ in range(batch)) / batch
+            best, total = min(best, cpu), total + cpu * batch
+            if total >= budget or not math.isfinite(cpu):
+                return best / self.duration
+            batch = max(1, min(1000, int(EXPENSIVE / max(cpu, 1e-7))))
+
+    def _one(self, motion: Motion) -> float:
+        """CPU time of one run without samples [s]; infinite if it cannot go on."""
+        motion.reset()
+        self._begun, start = time.perf_counter(), time.process_time()
+        try:
+            motion.run_to([self.duration])
+        except SimulationError:
+            return math.inf
+        return time.process_time() - start

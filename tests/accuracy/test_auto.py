@@ -30,7 +30,6 @@ from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.ladder import climb
 from rb_sim.accuracy.runs import (
-    CountedRunner,
     Runner,
     affordable_times,
     pose_difference,
@@ -93,12 +92,13 @@ def test_the_choice_costs_at_most_twice_the_cheapest_found_by_hand(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # costs are counted here: of each rung one run is timed, not as many as make a good figure
-    monkeypatch.setattr(Runner, "cost", functools.partialmethod(Runner.cost, budget=0.0))
+    measured = functools.partialmethod(Runner.measured_cost, budget=0.0)
+    monkeypatch.setattr(Runner, "measured_cost", measured)
     scene = shipped(name)
     accuracy = climb(scene, budget=15.0)
     compiled = compile_scene(scene)
     times = sample_times(scene.simulation)
-    runner = CountedRunner(compiled, scene.simulation.duration, times)
+    runner = Runner(compiled, scene.simulation.duration, times)
     for target in (1e-2, 1e-4, 1e-6, 1e-8):
         options = shipped(name, method="auto", tolerance=target).simulation
         choice = choose(compiled, options)
@@ -133,21 +133,21 @@ def test_a_target_below_round_off_is_refused_in_words_and_the_best_is_given() ->
 
 
 @pytest.fixture
-def runners(monkeypatch: pytest.MonkeyPatch) -> list[CountedRunner]:
+def runners(monkeypatch: pytest.MonkeyPatch) -> list[Runner]:
     """The runners that searches make, as they make them."""
-    found: list[CountedRunner] = []
+    found: list[Runner] = []
 
-    def made(*arguments: Any) -> CountedRunner:
-        found.append(CountedRunner(*arguments))
+    def made(*arguments: Any) -> Runner:
+        found.append(Runner(*arguments))
         return found[-1]
 
-    monkeypatch.setattr(auto, "CountedRunner", made)
+    monkeypatch.setattr(auto, "Runner", made)
     return found
 
 
 @pytest.mark.parametrize("duration", [20.0, 2e3])
 def test_the_search_costs_five_runs_or_a_second_of_counted_work(
-    duration: float, runners: list[CountedRunner]
+    duration: float, runners: list[Runner]
 ) -> None:
     scene = shipped("pendulum", method="auto", tolerance=1e-4, duration=duration)
     choice = auto.choose(compile_scene(scene), scene.simulation)
@@ -159,7 +159,7 @@ def test_the_search_costs_five_runs_or_a_second_of_counted_work(
 def test_no_run_goes_beyond_the_purse() -> None:
     """A fixed step whose price is known is not begun, an adaptive run is broken off."""
     scene = shipped("pendulum", duration=2e3)
-    runner = CountedRunner(compile_scene(scene), 2e3, sample_times(scene.simulation))
+    runner = Runner(compile_scene(scene), 2e3, sample_times(scene.simulation))
     runner.purse = 5e-3
     rows, steps = runner.sampled(Setting("rk4", step=1e-4))
     assert runner.broken_off and steps == 0 and runner.spent == 0.0
@@ -170,7 +170,7 @@ def test_no_run_goes_beyond_the_purse() -> None:
 
 
 def test_the_search_of_a_scene_nobody_tuned_for_keeps_its_purse(
-    runners: list[CountedRunner],
+    runners: list[Runner],
 ) -> None:
     """One whose last run went beyond the second."""
     scene = load_scene(auto_search.drawn("chain", 7))
@@ -194,12 +194,12 @@ def run_by_auto(mapping: Any, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, set
     """The choice, and the methods of which runs were made."""
     names: set[str] = set()
 
-    class Noting(CountedRunner):
+    class Noting(Runner):
         def sampled(self, setting: Any, y: Any = None) -> Any:
             names.add(setting.name)
             return super().sampled(setting, y)
 
-    monkeypatch.setattr(auto, "CountedRunner", Noting)
+    monkeypatch.setattr(auto, "Runner", Noting)
     scene = scene_from_mapping(mapping)
     return auto.choose(compile_scene(scene), scene.simulation), names
 
@@ -363,7 +363,7 @@ def swung(duration: float, tolerance: float) -> Any:
 def test_two_runs_that_err_alike_are_told_apart_by_a_third() -> None:
     """Chaos turns the errors of all methods one way; here the checker errs just as the run does."""
     compiled, options = swung(8.0, 1e-6)
-    runner = CountedRunner(compiled, options.duration, sample_times(options))
+    runner = Runner(compiled, options.duration, sample_times(options))
     setting = Setting("dopri853", tolerance=1e-8)
     rows, steps = runner.sampled(setting)
     alike = CheckedRun(rows, rows, setting, setting, np.zeros(len(rows)), 8.0 / steps)
@@ -423,7 +423,7 @@ def resting(points: int) -> dict[str, Any]:
     }
 
 
-def test_a_search_whose_samples_are_dear_takes_fewer(runners: list[CountedRunner]) -> None:
+def test_a_search_whose_samples_are_dear_takes_fewer(runners: list[Runner]) -> None:
     scene = load_scene(resting(4))
     choice = auto.choose(compile_scene(scene), scene.simulation)
     times = runners[0].times
@@ -437,7 +437,7 @@ def test_a_search_whose_samples_are_dear_takes_fewer(runners: list[CountedRunner
 
 @pytest.mark.parametrize("bodies", [1, 2])
 def test_no_time_is_lost_to_an_iteration_that_friction_turns_away(
-    bodies: int, runners: list[CountedRunner]
+    bodies: int, runners: list[Runner]
 ) -> None:
     """A box slides and spins to rest on its face. Fixed steps of gauss6, the checker that comes
     first, have no solution at the end of the slip, and took 0.7 s for one box and 3 s for two to
@@ -463,7 +463,7 @@ def test_no_time_is_lost_to_an_iteration_that_friction_turns_away(
     assert runner.spent <= max(1.0, 5.0 * choice.cost * 2.0)
 
 
-def test_a_trial_that_the_purse_cannot_pay_is_not_begun(runners: list[CountedRunner]) -> None:
+def test_a_trial_that_the_purse_cannot_pay_is_not_begun(runners: list[Runner]) -> None:
     """Three boxes; the second start one ulp apart was broken off, and what it had not told made
     the two runs, which agree to 1e-15, "no reference"."""
     scene = load_scene(auto_search.drawn("resting", 3))

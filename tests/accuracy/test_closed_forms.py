@@ -22,6 +22,7 @@ from scipy.integrate import quad
 
 from benchmarks.peers import scenes
 from benchmarks.peers.reference import Reference, pose_error
+from rb_sim.accuracy.choice import Setting
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.accuracy.closed_forms.rotors import (
     Exact,
@@ -186,6 +187,28 @@ def test_rolling_sphere_that_already_turns_keeps_rolling() -> None:
     assert y[0] == pytest.approx(w * a * 2.0 + 0.5 * 5.0 / 14.0 * 4.0, rel=1e-15)
     assert y[8] == pytest.approx(w + 5.0 / 14.0 * 2.0 / a, rel=1e-15)
     assert np.abs(y[[1, 7, 9]]).max() < 1e-16
+
+
+def test_rolling_sphere_that_turns_aside_is_known_too() -> None:
+    """Spun about all axes and pushed across its way: a run of it is what the closed form says."""
+    w, a = np.array([1.0, 2.0, 3.0]), 0.1
+    body = {
+        "mass": 2.0,
+        "shape": {"type": "sphere", "radius": a},
+        "position": [0.0, 0.0, a],
+        "linear_velocity": [w[1] * a, -w[0] * a, 0.0],
+        "angular_velocity": w.tolist(),
+    }
+    push = {"type": "wrench", "body": "b", "force": [1.0, 0.5, 0.0], "torque": [0.0, 0.1, 0.05]}
+    floor = {"type": "rolling", "body": "b", "normal_A": [0.0, 0.0, 1.0]}
+    compiled = compiled_of(body, {"floor": floor}, {**GRAVITY, "push": push})
+    times = np.linspace(0.0, 2.0, 21)
+    runner = Runner(compiled, 2.0, times)
+    rows, _ = runner.sampled(Setting("dopri853", tolerance=1e-14))
+    y = exact_of(compiled).coordinates(times)
+    assert np.abs(rows[:, :3] - y[:, :3]).max() < 1e-12
+    assert angle_between(rows[:, 3:7], y[:, 3:7]).max() < 1e-11
+    assert np.abs(rows[:, 10:13] - y[:, 7:10]).max() < 1e-11
 
 
 def top_of(precession: float) -> Compiled:

@@ -216,10 +216,10 @@ def run_with(limit: float) -> tuple[bool, float]:
     mapping = scene(ball([0.0, 0.0, 0.2]), touch(restitution=0.2))
     compiled = compile_scene(scene_from_mapping(mapping))
     runner = Runner(compiled, 0.5, np.array([0.0, 0.5]))
-    runner.limit = limit
+    runner.wall = limit
     setting = Setting("rk4", step=0.1)
     rows, _ = runner.sampled(setting)
-    return bool(np.isfinite(rows[-1]).all()), runner.cost(setting, 1e-6)
+    return bool(np.isfinite(rows[-1]).all()), runner.measured_cost(setting, 1e-6)
 
 
 def test_a_run_from_event_to_event_is_broken_off_at_the_limit() -> None:

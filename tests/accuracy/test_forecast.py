@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.accuracy import auto
+from rb_sim.accuracy import auto, checked
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.checks.step_search import advice_for
 from rb_sim.cli.verbs.linearize import linearize
@@ -183,7 +183,7 @@ def test_a_linear_model_of_a_state_years_away_is_given_up_too(
 
 def test_the_search_of_auto_does_not_begin_runs_of_years(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is broken off at limits of 0.01 and 0.02 counted seconds, and says so."""
-    monkeypatch.setattr(auto, "FIRST_PILOT", 0.01)
+    monkeypatch.setattr(checked, "FIRST_PILOT", 0.01)
     scene = load_scene("heavy_top", duration=1e12, rate=1e-12)
     options = scene.simulation.model_copy(update={"tolerance": 1e-6})
     choice = auto.choose(compile_scene(scene), options)

@@ -359,14 +359,14 @@ def slipping_ball(compiled: Compiled) -> Exact | None:
 # Homogeneous sphere that rolls on a plane under a constant world wrench (LL 38, problem 1).
 #
 # About the contact (I + m a^2) dw/dt = K + a n x F across the normal n, I dw_n/dt = K_n along it;
-# so w = w_0 + alpha t, and where w_0 is along alpha the sphere turns about one fixed direction.
+# so w = w_0 + alpha t.
 
 
 CENTRE = (0.0, 0.0, 0.0)
 
 
 def rolling_sphere(compiled: Compiled) -> Exact | None:
-    """The exact motion of a sphere that turns about a fixed direction, or None."""
+    """The exact motion of a homogeneous sphere that rolls under a constant wrench, or None."""
     system, y = compiled.system, compiled.y
     if not isinstance(system, RollingBody) or not is_homogeneous_sphere(system):
         return None
@@ -383,20 +383,14 @@ def rolling_sphere(compiled: Compiled) -> Exact | None:
     alpha = (moment - (moment @ n) * n) / (inertia + mass * a * a) + along / inertia
     q0 = unit(long(y[3:7]))
     w0 = rotate(q0, long(y[7:10]))
-    largest = max(np.sqrt(alpha @ alpha), np.sqrt(w0 @ w0))
-    if np.abs(np.cross(w0, alpha)).max() > 0:
-        return None
-    main = alpha if alpha @ alpha > 0 else w0
-    axis = main / np.sqrt(main @ main) if largest > 0 else n
-    p0 = long(y[0:3])
+    p0, none = long(y[0:3]), np.zeros(3, dtype=Long)
+    spin = Spin(w0, alpha, none, none, Long(0))
 
     def coordinates(times: LongArray) -> LongArray:
         t = long(times)
-        angle = (w0 @ axis) * t + (alpha @ axis) * t * t / 2
-        q = unit(product(about(axis, angle), q0))
-        w = w0 + alpha * t[:, None]
-        p = p0 + a * np.cross(angle[:, None] * axis, n)
-        return np.concatenate([p, q, unturned(q, w)], axis=1).astype(float)
+        q, turned = attitudes(q0, spin, t), t[:, None] * w0 + t[:, None] ** 2 / 2 * alpha
+        p = p0 + a * np.cross(turned, n)
+        return np.concatenate([p, q, unturned(q, spin.at(t))], axis=1).astype(float)
 
     return Exact("rolling sphere under a constant wrench; LL 38, problem 1", coordinates)
 
