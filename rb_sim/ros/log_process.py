@@ -13,7 +13,7 @@ The loop never waits for a disk: it sends samples in batches through a pipe. Dat
 not accept at once are queued here; if more than `depth` samples are queued, a simulation paced by
 the wall clock drops and counts the newest, any other waits.
 
-The protocol consists of frames, a length and a pickle: Begin, then Rows and Blocks of samples and
+The protocol consists of frames, a length and a pickle: Begin, then Rows of samples and
 States, then End, to the process; Opened, Notice, Count and Finished back.
 """
 
@@ -102,16 +102,6 @@ class Rows(NamedTuple):
         """The samples as a block."""
         block = block_of(self.t, self.rows, layout, self.command)
         return replace(block, events=self.events, inputs=self.inputs)
-
-
-class Block(NamedTuple):
-    """Samples as a block."""
-
-    samples: SampleBlock
-
-    def block(self, _: SampleLayout) -> SampleBlock:
-        """The samples."""
-        return self.samples
 
 
 class State(NamedTuple):
@@ -287,11 +277,6 @@ class LogProcess:
         if self._opened.error:
             raise SinkError(self._opened.error)
 
-    def write(self, block: SampleBlock) -> None:
-        """Send the samples, after those queued."""
-        self.flush()
-        self._pass(Block(block), len(block))
-
     def write_row(self, row: SampleRow) -> None:
         """Add the sample to the next batch, which is sent when full or by `tick`."""
         self._waiting.append(row)
@@ -317,11 +302,11 @@ class LogProcess:
         self._flushed = time.monotonic()
         if self._waiting:
             batch, self._waiting = self._waiting, []
-            self._pass(rows_of(batch), len(batch))
+            self._pass(rows_of(batch))
         self._pump()
         self._listen()
 
-    def _pass(self, message: Rows | Block, samples: int) -> None:
+    def _pass(self, rows: Rows) -> None:
         """Enqueue the samples if there is space; otherwise wait for it, or drop them."""
         if self._sent - self._count.written >= self._depth:
             self._listen()
@@ -331,9 +316,9 @@ class LogProcess:
                 lambda: self._sent - self._count.written < self._depth or self.ending()
             )
         if self.blocking or self._sent - self._count.written < self._depth:
-            self._enqueue(frame(message), samples)
+            self._enqueue(frame(rows), len(rows.t))
         else:
-            self.dropped += samples
+            self.dropped += len(rows.t)
 
     def close(
         self, summary: dict[str, Any] | None = None, *, patient: Callable[[], bool] = lambda: True

@@ -32,7 +32,6 @@ from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.ros.log_process import (
     RECORDING,
     Begin,
-    Block,
     Count,
     End,
     Finished,
@@ -134,7 +133,7 @@ class Writer:
             for message in self._messages():
                 if isinstance(message, Begin):
                     self._open(message)
-                elif isinstance(message, (Rows, Block)):
+                elif isinstance(message, Rows):
                     block = message.block(self._layout)
                     for output in self._outputs.values():
                         output.write(block)

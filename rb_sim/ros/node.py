@@ -79,7 +79,8 @@ class Diagnostics:
         self._publisher = offer(node, DiagnosticArray, "/diagnostics", 10)
         self._last = (time.monotonic(), monitored.stepper.t)
         self._reported: dict[str, int] = {}
-        self._twins = self._clocks = 0
+        self._others = {"other nodes of this name": 0, "other publishers of the clock": 0}
+        """numbers of other nodes that interfere with this one, by name of the counter."""
         self._found: tuple[Finding, ...] = ()
         self._state = ""
 
@@ -95,8 +96,7 @@ class Diagnostics:
         self._state = state
         t = self._monitored.stepper.t
         self._last = (now, t)
-        self._notice_twins()
-        self._notice_clocks()
+        self._notice_others()
         self._notice_findings()
         judged = self._judgement()
         if not self._publisher.get_subscription_count():
@@ -123,28 +123,21 @@ class Diagnostics:
             **{f"warning, {finding.watch}": str(finding) for finding in self._found},
         }
 
-    def _notice_twins(self) -> None:
-        count = twins(self._node)
-        if count > self._twins:
-            name = self._node.get_fully_qualified_name()
-            self._node.get_logger().warning(
-                f"another node is called {name}: rename one (--ros-args -r __node:=NAME),"
-                " or their messages are mixed"
-            )
-        self._twins = count
-
-    def _notice_clocks(self) -> None:
-        """Warn about other publishers of the clock."""
-        if not self._publish_clock:
-            return
-        topic = self._node.resolve_topic_name(CLOCK)
-        count = max(0, self._node.count_publishers(topic) - 1)
-        if count > self._clocks:
-            self._node.get_logger().warning(
-                f"another node publishes {topic}: start all but one with publish_clock:=false,"
-                " or the clock jumps for all that use it"
-            )
-        self._clocks = count
+    def _notice_others(self) -> None:
+        """Warn about other nodes of this name, and other publishers of the clock."""
+        name, topic = self._node.get_fully_qualified_name(), self._node.resolve_topic_name(CLOCK)
+        clocks = self._node.count_publishers(topic) - 1 if self._publish_clock else 0
+        advice = (
+            f"another node is called {name}: rename one (--ros-args -r __node:=NAME),"
+            " or their messages are mixed",
+            f"another node publishes {topic}: start all but one with publish_clock:=false,"
+            " or the clock jumps for all that use it",
+        )
+        before, counts = self._others, (twins(self._node), max(0, clocks))
+        self._others = dict(zip(before, counts, strict=True))
+        for line, old, new in zip(advice, before.values(), counts, strict=True):
+            if new > old:
+                self._node.get_logger().warning(line)
 
     def _notice_findings(self) -> None:
         """Log new findings of the checks."""
@@ -176,15 +169,8 @@ class Diagnostics:
             "commands applied": self._monitored.commands.applied,
             **{f"commands {reason}": refused[reason] for reason in sorted(refused)},
             **{f"log rows dropped, {name}": count for name, count in lost.items()},
-            **dict(self._others()),
+            **self._others,
         }
-
-    def _others(self) -> list[tuple[str, int]]:
-        """Numbers of other nodes that interfere with this one."""
-        return [
-            ("other nodes of this name", self._twins),
-            ("other publishers of the clock", self._clocks),
-        ]
 
     def _publish(self, t: float, values: dict[str, str], judged: tuple[bytes, str]) -> None:
         level, message = judged
@@ -212,7 +198,7 @@ class Diagnostics:
         lost = [] if self._monitored.logs is None else self._monitored.logs.failures
         if lost:
             return DiagnosticStatus.ERROR, f"no longer logged: {', '.join(lost)}"
-        if new := grown or [name for name, count in self._others() if count]:
+        if new := grown or [name for name, count in self._others.items() if count]:
             return DiagnosticStatus.WARN, f"new: {', '.join(new)}"
         if self._found:
             return DiagnosticStatus.WARN, str(self._found[0])

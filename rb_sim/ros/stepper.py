@@ -25,7 +25,6 @@ from rb_sim.motion.motion import NO_LIMITS, Limits, Watch, samples_at_rate
 from rb_sim.ros.topics.command import Commands
 
 if TYPE_CHECKING:
-    from rb_sim.io.sink import Sink
     from rb_sim.mechanics.samples import ContactEvent, SampleBlock
     from rb_sim.simulation.simulation import Simulation
     from rb_sim.simulation.state_override import Placement
@@ -165,10 +164,12 @@ class Stepper:
 
     A command taken at t_k acts from t_k on; the sample at t_(k+1) contains it, with the
     corresponding reactions and accelerations, as applied over (t_k, t_(k+1)].
+
+    sinks: each takes samples as rows (`write_row`) or as blocks (`write`).
     """
 
     def __init__(
-        self, simulation: Simulation, commands: Commands, sinks: Sequence[Sink], rate: float
+        self, simulation: Simulation, commands: Commands, sinks: Sequence[Any], rate: float
     ) -> None:
         self.period = 1.0 / rate
         self.limits = NO_LIMITS
@@ -198,7 +199,7 @@ class Stepper:
         self._steps_before = 0
         """steps before the last reset or set state, at which the simulation's count restarts."""
 
-    def _taker(self, sink: Sink) -> Callable[[SampleRow], None]:
+    def _taker(self, sink: Any) -> Callable[[SampleRow], None]:
         """The sink's function for a sample: as a kernel row if supported, else as a block."""
         by_row = getattr(sink, "write_row", None)
         return by_row or (lambda row: sink.write(row.block(self._simulation.layout)))

@@ -234,16 +234,18 @@ NUMBERS = [random.Random(1).uniform(-9, 9) for _ in range(60)]
 def cases():
     """(ROS type, codec or bytes, expected fields as a flat list)."""
     for frame in FRAMES:
-        yield cdr.POSE_STAMPED, cdr.pose_stamped(frame), [frame]
-        yield cdr.TWIST_STAMPED, cdr.twist_stamped(frame), [frame]
-        yield cdr.WRENCH_STAMPED, cdr.wrench_stamped(frame), [frame]
+        yield cdr.POSE_STAMPED, cdr.codec(cdr.POSE_STAMPED, frame), [frame]
+        yield cdr.TWIST_STAMPED, cdr.codec(cdr.TWIST_STAMPED, frame), [frame]
+        yield cdr.WRENCH_STAMPED, cdr.codec(cdr.WRENCH_STAMPED, frame), [frame]
         pairs = [("world", frame), (frame, "ball"), ("a", "b")]
-        yield cdr.TF_MESSAGE, cdr.tf_message(pairs), [name for pair in pairs for name in pair]
+        frames = [name for pair in pairs for name in pair]
+        yield cdr.TF_MESSAGE, cdr.codec(cdr.TF_MESSAGE, *frames, lengths=[len(pairs)]), frames
         names = [frame, "b", "cde"]
-        yield cdr.JOINT_STATE, cdr.joint_state(frame, names), [frame, *names]
-    yield cdr.TF_MESSAGE, cdr.tf_message([]), []
-    yield cdr.FLOAT64, cdr.float64(), []
-    yield cdr.CLOCK, cdr.clock(), []
+        codec = cdr.codec(cdr.JOINT_STATE, frame, *names, lengths=[len(names)] * 4)
+        yield cdr.JOINT_STATE, codec, [frame, *names]
+    yield cdr.TF_MESSAGE, cdr.codec(cdr.TF_MESSAGE, lengths=[0]), []
+    yield cdr.FLOAT64, cdr.codec(cdr.FLOAT64), []
+    yield cdr.CLOCK, cdr.codec(cdr.CLOCK), []
 
 
 CASES = list(cases())
@@ -352,9 +354,9 @@ def test_rclpy_reads_diagnostics_and_writes_the_same(arguments):
 
 @pytest.mark.parametrize("number", [0, 2, 255])
 def test_uint8(number):
-    data = cdr.uint8().pack(STAMP, [number])
+    data = cdr.codec(cdr.UINT8).pack(STAMP, [number])
     assert STORE.deserialize_cdr(data, cdr.UINT8).data == number
-    assert cdr.uint8().unpack(data) == [number]
+    assert cdr.codec(cdr.UINT8).unpack(data) == [number]
     serialization = pytest.importorskip("rclpy.serialization", reason="no ROS here")
     assert serialization.deserialize_message(data, ros_class(cdr.UINT8)).data == number
 

@@ -24,7 +24,7 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.ros import log_process as process
-from rb_sim.ros.log_process import Begin, Block, End, LogProcess, Opened, Plan, frame
+from rb_sim.ros.log_process import Begin, End, LogProcess, Opened, Plan, frame, rows_of
 from rb_sim.ros.log_writer import claim, out_folder, own_folder
 from tests.ros import bags
 from tests.ros.client import NAME, Client
@@ -184,7 +184,7 @@ def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> Non
     os.close(answers)
     assert process.stdin is not None
     process.stdin.write(frame(Begin(plan, scene, simulation.layout)))
-    process.stdin.write(frame(Block(simulation.sample().block)))
+    process.stdin.write(frame(rows_of([simulation.sample_row()])))
     process.stdin.flush()
     os.read(heard, 1)  # it has begun
     os.close(heard)

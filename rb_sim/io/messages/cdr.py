@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,15 +153,15 @@ def schema_text(ros_type: str) -> str:
 
 def _parts(ros_type: str) -> list[str]:
     """Full names of the message types among the fields of `ros_type`."""
-    package = ros_type.split("/")[0]
-    parts = []
-    for field in FIELDS[ros_type]:
-        written = field.split()[0].removesuffix("[]")
-        full = f"{package}/{written}" if "/" not in written else written
-        full = full.replace("/", "/msg/", 1)
-        if full in FIELDS:
-            parts.append(full)
-    return list(dict.fromkeys(parts))
+    kinds = [field.split()[0].removesuffix("[]") for field in FIELDS[ros_type]]
+    parts = [_full_name(kind, ros_type) for kind in kinds]
+    return list(dict.fromkeys(part for part in parts if part in FIELDS))
+
+
+def _full_name(kind: str, inside: str) -> str:
+    """pkg/msg/Type of the type of a field, which may lack the package of the type it is in."""
+    own = kind if "/" in kind else f"{inside.partition('/')[0]}/{kind}"
+    return own.replace("/", "/msg/", 1)
 
 
 def _short(ros_type: str) -> str:
@@ -217,7 +217,10 @@ class Layout:
         """Append `length` float64 fields, filled with the next values."""
         if length:
             self._align(8)
-            self._numbers.append((len(HEADER) + len(self._bytes), "d", length))
+            start, before = len(HEADER) + len(self._bytes), 0
+            if self._numbers and self._numbers[-1][0] + 8 * self._numbers[-1][2] == start:
+                start, _, before = self._numbers.pop()  # one run with the doubles before it
+            self._numbers.append((start, "d", before + length))
             self._bytes += bytes(8 * length)
         return self
 
@@ -328,67 +331,39 @@ class Codec:
         return len(self.template)
 
 
-def pose_stamped(frame_id: str) -> Codec:
-    """geometry_msgs/PoseStamped: position [x, y, z], orientation [x, y, z, w]."""
-    return Layout().stamp().text(frame_id).doubles(7).codec()
-
-
-def twist_stamped(frame_id: str) -> Codec:
-    """geometry_msgs/TwistStamped: linear [x, y, z], angular [x, y, z]."""
-    return Layout().stamp().text(frame_id).doubles(6).codec()
-
-
-def accel_stamped(frame_id: str) -> Codec:
-    """geometry_msgs/AccelStamped: linear acceleration (3), angular acceleration (3)."""
-    return Layout().stamp().text(frame_id).doubles(6).codec()
-
-
-def wrench_stamped(frame_id: str) -> Codec:
-    """geometry_msgs/WrenchStamped: force [x, y, z], torque [x, y, z]."""
-    return Layout().stamp().text(frame_id).doubles(6).codec()
-
-
-def float64() -> Codec:
-    """std_msgs/Float64: one number."""
-    return Layout().doubles(1).codec()
-
-
-def uint8() -> Codec:
-    """std_msgs/UInt8: one integer."""
-    return Layout().octet().codec()
-
-
 COVARIANCE_6X6 = 36
 """Elements of a 6 x 6 covariance; all zero, since the state is exact."""
 
 
-def odometry(frame_id: str, child_frame_id: str) -> Codec:
-    """nav_msgs/Odometry: pose (7), its covariance (36), twist (6), its covariance (36)."""
-    layout = Layout().stamp().text(frame_id).text(child_frame_id)
-    return layout.doubles(7 + COVARIANCE_6X6 + 6 + COVARIANCE_6X6).codec()
+def codec(ros_type: str, *texts: str, lengths: Sequence[int] = ()) -> Codec:
+    """The codec of a type by its FIELDS.
 
-
-def clock() -> Codec:
-    """rosgraph_msgs/Clock: only the stamp."""
-    return Layout().stamp().codec()
-
-
-def tf_message(frames: Sequence[tuple[str, str]]) -> Codec:
-    """tf2_msgs/TFMessage: for each (parent, child) translation [x, y, z], rotation [x, y, z, w]."""
-    layout = Layout().count(len(frames))
-    for parent, child in frames:
-        layout.stamp().text(parent).text(child).doubles(7)
+    texts: its strings; lengths: those of its sequences; both in wire order.
+    """
+    layout = Layout()
+    _append(layout, ros_type, iter(texts), iter(lengths))
     return layout.codec()
 
 
-def joint_state(frame_id: str, names: Sequence[str], efforts: bool = True) -> Codec:
-    """sensor_msgs/JointState: positions, velocities, and optionally efforts."""
-    layout = Layout().stamp().text(frame_id).count(len(names))
-    for name in names:
-        layout.text(name)
-    for _ in range(3 if efforts else 2):
-        layout.count(len(names)).doubles(len(names))
-    return (layout if efforts else layout.count(0)).codec()
+def _append(layout: Layout, ros_type: str, texts: Iterator[str], lengths: Iterator[int]) -> None:
+    """Append the fields of a type."""
+    for field in FIELDS[ros_type]:
+        kind, bracket, size = field.split()[0].removesuffix("]").partition("[")
+        count = int(size) if size else next(lengths) if bracket else 1
+        if bracket and not size:
+            layout.count(count)
+        if kind == "float64":
+            layout.doubles(count)
+            continue
+        for _ in range(count):
+            if kind == "string":
+                layout.text(next(texts))
+            elif kind == "uint8":
+                layout.octet()
+            elif kind == "builtin_interfaces/Time":
+                layout.stamp()
+            else:
+                _append(layout, _full_name(kind, ros_type), texts, lengths)
 
 
 def string(text: str) -> bytes:

@@ -64,7 +64,8 @@ class JointTable:
         guided = [c for c in joints.values() if slides(c)]
         self._slider = [index[c.body] for c in guided]
         self._direction = np.array([c.guide.direction for c in guided]).reshape(-1, 3)
-        self._codec = cdr.joint_state("", [ros_name(name) for name in self.names], efforts=False)
+        names, lengths = map(ros_name, self.names), [len(self.names)] * 3
+        self._codec = cdr.codec(cdr.JOINT_STATE, "", *names, lengths=[*lengths, 0])
         self._last: tuple[float, Array, Array, Array] | None = None
         """last sample: time [s], and for each axis its angle from the first sample modulo a turn
         [rad], the number of full turns, its rate [rad/s]."""

@@ -164,10 +164,10 @@ class TopicTable:
         entries = [*_body_topics(layout, prefix, of), *_reaction_topics(layout, prefix, of)]
         entries += _scalar_topics(of)
         entries += _contact_topics(layout, of)
-        entries += [_tf_topic(layout, prefix, of), Topic(CLOCK, cdr.CLOCK, cdr.clock())]
-        events = Topic(CONTACT_EVENTS, cdr.DIAGNOSTIC_ARRAY, cdr.clock())
+        entries += [_tf_topic(layout, prefix, of), Topic(CLOCK, cdr.CLOCK, cdr.codec(cdr.CLOCK))]
+        events = Topic(CONTACT_EVENTS, cdr.DIAGNOSTIC_ARRAY, cdr.codec(cdr.CLOCK))
         self.event_topic = (events.name, events.ros_type) if layout.contacts else None
-        inputs = [Topic(*topic, cdr.clock()) for topic in InputTable(layout).topics]
+        inputs = [Topic(*topic, cdr.codec(cdr.CLOCK)) for topic in InputTable(layout).topics]
         _check_names([*entries, *inputs, *([events] if layout.contacts else [])])
         self.topics = tuple(topic for topic in entries if topic.name not in skip)
         self._packer = Packer(self.topics, layout, self._center_of_mass)
@@ -209,20 +209,22 @@ def _check_names(entries: list[Topic]) -> None:
 
 
 def _body_topics(layout: SampleLayout, prefix: str, of: Any) -> Iterator[Topic]:
-    pose, twist = cdr.pose_stamped(prefix + WORLD), cdr.twist_stamped(prefix + WORLD)
+    pose, twist = (
+        cdr.codec(kind, prefix + WORLD) for kind in (cdr.POSE_STAMPED, cdr.TWIST_STAMPED)
+    )
     for i, name in enumerate(layout.bodies):
         columns = [*of.position[i], *of.orientation[i]]
         yield Topic(body_topic(name, "pose"), cdr.POSE_STAMPED, pose, columns)
         columns = [*of.velocity[i], *of.spin[i]]
         yield Topic(body_topic(name, "twist"), cdr.TWIST_STAMPED, twist, columns)
     for i, name in enumerate(layout.commanded):
-        codec, topic = cdr.wrench_stamped(prefix + origin_frame(name)), "wrench_applied"
+        codec, topic = cdr.codec(cdr.WRENCH_STAMPED, prefix + origin_frame(name)), "wrench_applied"
         yield Topic(body_topic(name, topic), cdr.WRENCH_STAMPED, codec, of.command[i])
 
 
 def _reaction_topics(layout: SampleLayout, prefix: str, of: Any) -> Iterator[Topic]:
     for i, name in enumerate(layout.reactions):
-        codec = cdr.wrench_stamped(prefix + anchor_frame(name))
+        codec = cdr.codec(cdr.WRENCH_STAMPED, prefix + anchor_frame(name))
         columns = [*of.reaction_force[i], *of.reaction_torque[i]]
         yield Topic(reaction_topic(name), cdr.WRENCH_STAMPED, codec, columns)
 
@@ -235,14 +237,14 @@ def _scalar_topics(of: Any) -> Iterator[Topic]:
         ("power", of.power),
         ("residual", of.residual),
     ):
-        yield Topic(name, cdr.FLOAT64, cdr.float64(), columns)
+        yield Topic(name, cdr.FLOAT64, cdr.codec(cdr.FLOAT64), columns)
 
 
 def _contact_topics(layout: SampleLayout, of: Any) -> Iterator[Topic]:
     for name in layout.contacts:
-        yield Topic(state_topic(name), cdr.UINT8, cdr.uint8())
+        yield Topic(state_topic(name), cdr.UINT8, cdr.codec(cdr.UINT8))
     if layout.contacts:
-        yield Topic(CONTACT_WORK, cdr.FLOAT64, cdr.float64(), of.contact_work)
+        yield Topic(CONTACT_WORK, cdr.FLOAT64, cdr.codec(cdr.FLOAT64), of.contact_work)
 
 
 def _tf_topic(layout: SampleLayout, prefix: str, of: Any) -> Topic:
@@ -251,7 +253,8 @@ def _tf_topic(layout: SampleLayout, prefix: str, of: Any) -> Topic:
         *(anchor_frame(name) for name in layout.reactions),
         *(origin_frame(name) for name in layout.commanded),
     ]
-    codec = cdr.tf_message([(prefix + WORLD, prefix + child) for child in children])
+    frames = [name for child in children for name in (prefix + WORLD, prefix + child)]
+    codec = cdr.codec(cdr.TF_MESSAGE, *frames, lengths=[len(children)])
     points = [*of.anchor, *(of.position[layout.bodies.index(name)] for name in layout.commanded)]
     columns = [*np.hstack([of.position, of.orientation]).ravel()]
     columns += [column for point in points for column in (*point, *NO_ROTATION)]
@@ -282,7 +285,7 @@ class AccelTable:
     def __init__(self, scene: Scene, layout: SampleLayout, asked: Asked, prefix: str = "") -> None:
         self._accelerations = asked(scene, layout)
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
-        self._codec = cdr.accel_stamped(prefix + WORLD)
+        self._codec = cdr.codec(cdr.ACCEL_STAMPED, prefix + WORLD)
         self.topics = [(body_topic(body, "accel"), cdr.ACCEL_STAMPED) for body in layout.bodies]
 
     def rows(self, block: SampleBlock) -> list[Any]:
@@ -307,7 +310,8 @@ class OdometryTable:
     def __init__(self, scene: Scene, layout: SampleLayout, prefix: str = "") -> None:
         self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
         names = layout.bodies
-        self._codecs = [cdr.odometry(prefix + WORLD, prefix + body_frame(name)) for name in names]
+        frames = [(prefix + WORLD, prefix + body_frame(name)) for name in names]
+        self._codecs = [cdr.codec(cdr.ODOMETRY, *pair) for pair in frames]
         self.topics = [(body_topic(name, "odometry"), cdr.ODOMETRY) for name in names]
 
     def rows(self, block: SampleBlock) -> list[Any]:
@@ -389,6 +393,7 @@ STATE = (
     *("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz", "wx_body", "wy_body", "wz_body"),
     *("bodies_together", "project"),
 )
+"""Names of the numbers in a message of a state that was set: Input.state, together, project."""
 
 
 class InputTable:
@@ -396,10 +401,13 @@ class InputTable:
 
     def __init__(self, layout: SampleLayout) -> None:
         self._bodies = layout.commanded
-        self._world = cdr.wrench_stamped(WORLD)
-        self._own = {body: cdr.wrench_stamped(body_frame(body)) for body in layout.commanded}
-        self._reset = cdr.clock()
-        self._placed, self._state = layout.bodies, _state_codec()
+        self._world = cdr.codec(cdr.WRENCH_STAMPED, WORLD)
+        self._own = {
+            body: cdr.codec(cdr.WRENCH_STAMPED, body_frame(body)) for body in layout.commanded
+        }
+        self._reset, self._placed = cdr.codec(cdr.CLOCK), layout.bodies
+        numbers = [len(STATE)] * 2  # of names and positions; no velocities, no efforts
+        self._state = cdr.codec(cdr.JOINT_STATE, WORLD, *STATE, lengths=[*numbers, 0, 0])
         commands = [(command_topic(body), cdr.WRENCH_STAMPED) for body in layout.commanded]
         states = [(body_topic(body, STATE_COMMAND), cdr.JOINT_STATE) for body in layout.bodies]
         self.topics = (*commands, (RESETS, cdr.CLOCK), *states)
@@ -432,14 +440,6 @@ class InputTable:
                 t = _stamp(codec, data) / cdr.NANO
                 return Input(index, t, body, frame, values[:3], values[3:])  # type: ignore[arg-type]
         raise ValueError(f"a command for {body} in the axes of another frame")
-
-
-def _state_codec() -> cdr.Codec:
-    """sensor_msgs/JointState with the named numbers STATE: Input.state, together and project."""
-    layout = cdr.Layout().stamp().text(WORLD).count(len(STATE))
-    for name in STATE:
-        layout.text(name)
-    return layout.count(len(STATE)).doubles(len(STATE)).count(0).count(0).codec()
 
 
 def _stamp(codec: cdr.Codec, data: bytes) -> int:

@@ -16,7 +16,7 @@ not recorded.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,9 +25,9 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import ros_name
 from rb_sim.catalogue.effects.gravity import Gravity
 from rb_sim.io.messages import cdr
-from rb_sim.io.messages.cdr import stamp_of
+from rb_sim.io.messages.packing import stamps_of
 from rb_sim.io.messages.robot_description import JointTable, marker_array, urdf
-from rb_sim.io.messages.topic_names import MARKERS, body_frame, body_topic
+from rb_sim.io.messages.topic_names import MARKERS, ROBOT_DESCRIPTION, body_frame, body_topic
 from rb_sim.io.messages.topics import AccelTable, OdometryTable
 from rb_sim.numerics.rotations import conjugate, cross, rotate
 from rb_sim.ros.serving import message_class, offer
@@ -45,31 +45,32 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
     Make = Callable[[Scene, SampleLayout, str], MessageTable]
+    MakeOnce = Callable[[Scene, SampleLayout, SampleBlock], bytes]
 
 
 # Robot description (URDF) and markers, latched for late viewers.
 
 
-class RobotDescription:
-    """Publishes `robot_description` (std_msgs/String), the scene's URDF, with the first sample."""
+class Once:
+    """Publishes one latched message, with the first sample. make: the message, from that sample."""
 
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node = node
+    def __init__(self, node: Node, name: str, ros_type: str, make: MakeOnce) -> None:
+        self._node, self._make = node, make
+        self._topic = name, ros_type
         self._publisher: Publisher | None = None
         self._published = False
 
     def open(self, scene: Scene, layout: SampleLayout) -> None:
         """Create the publisher."""
         self._scene, self._layout = scene, layout
-        self._message = import_module("std_msgs.msg").String
-        self._publisher = offer(self._node, self._message, "robot_description", 1, latched=True)
+        name, ros_type = self._topic
+        self._publisher = offer(self._node, message_class(ros_type), name, 1, latched=True)
 
     def write(self, block: SampleBlock) -> None:
         """Publish with the first sample."""
         if self._publisher is not None and not self._published:
             self._published = True
-            text = urdf(self._scene, self._layout, block)
-            self._publisher.publish(self._message(data=text))
+            self._publisher.publish(self._make(self._scene, self._layout, block))
 
     def close(self, summary: dict[str, Any] | None = None) -> None:
         """Remove the publisher."""
@@ -78,30 +79,7 @@ class RobotDescription:
         self._publisher = None
 
 
-class Markers:
-    """Publishes `~/markers` (visualization_msgs/MarkerArray): the shapes of the bodies, once."""
-
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node, self._prefix = node, settings.frame_prefix
-        self._publisher: Publisher | None = None
-
-    def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Publish the markers."""
-        kind = import_module("visualization_msgs.msg").MarkerArray
-        self._publisher = offer(self._node, kind, f"~/{MARKERS}", 1, latched=True)
-        self._publisher.publish(marker_array(scene, self._prefix))
-
-    def write(self, block: SampleBlock) -> None:
-        """Does nothing: markers do not change."""
-
-    def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Remove the publisher."""
-        if self._publisher is not None:
-            self._node.destroy_publisher(self._publisher)
-        self._publisher = None
-
-
-# ~/BODY/accel, ~/BODY/odometry and joint_states, on request, as in the bag.
+# ~/BODY/accel, ~/BODY/odometry, ~/BODY/imu and joint_states, on request.
 
 
 class OfTable:
@@ -143,16 +121,17 @@ class OfTable:
 
 def accel_table(scene: Scene, layout: SampleLayout, prefix: str) -> AccelTable:
     """The table of accelerations of all bodies. Raises RbSimError if the method provides none."""
-    if scene.simulation.method == "time_stepping":
-        raise RbSimError(
-            "parameter accelerations: method time_stepping has none; must be another method"
-        )
+    _need_accelerations(scene, "accelerations")
     return AccelTable(scene, layout, accelerating, prefix)
 
 
-def joint_table(scene: Scene, layout: SampleLayout, _: str) -> JointTable:
-    """The table of all joints; its message is empty without joints."""
-    return JointTable(scene, layout)
+def _need_accelerations(scene: Scene, parameter: str) -> None:
+    """Raise RbSimError if the method of the scene has no accelerations."""
+    if scene.simulation.method == "time_stepping":
+        raise RbSimError(
+            f"parameter {parameter}: method time_stepping has no accelerations; must be another"
+            " method"
+        )
 
 
 # ~/BODY/imu (sensor_msgs/Imu): the reading of an ideal inertial sensor at a point of the body.
@@ -164,6 +143,7 @@ def joint_table(scene: Scene, layout: SampleLayout, _: str) -> JointTable:
 # reactions of the sample (rb_sim.simulation.record); impacts are not included.
 
 
+IMU = "sensor_msgs/msg/Imu"
 COVARIANCE_3X3 = 9
 """Elements of a 3 x 3 covariance; all zero: unknown."""
 
@@ -197,53 +177,41 @@ def read_sensors(text: str) -> list[Sensor]:
     return sensors
 
 
-class Imu:
-    """Publishes the readings of the sensors. Raises RbSimError for an unknown body."""
+class ImuTable:
+    """BODY/imu messages of the sensors. Raises RbSimError for an unknown body."""
 
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node, self._settings = node, settings
-        self._sensors = read_sensors(settings.imu)
-        self._publishers: list[tuple[Publisher, cdr.Codec]] = []
-        self.latest = Latest()
+    latched = False
 
-    def open(self, scene: Scene, layout: SampleLayout) -> None:
-        """Create the publishers."""
+    def __init__(
+        self, sensors: list[Sensor], scene: Scene, layout: SampleLayout, prefix: str
+    ) -> None:
+        _need_accelerations(scene, "imu")
         self._scene, self._layout = scene, layout
-        if scene.simulation.method == "time_stepping":
-            raise RbSimError(
-                "parameter imu: method time_stepping has no accelerations; must be another method"
-            )
-        kind = import_module("sensor_msgs.msg").Imu
         called = {ros_name(body): body for body in layout.bodies}
-        for i, (body, point_B) in enumerate(self._sensors):
+        self._sensors = []
+        for body, point_B in sensors:
             if body not in layout.bodies and body not in called:
                 known = ", ".join(called)
                 raise RbSimError(f"parameter imu: got body {body!r}; must be one of {known}")
-            self._sensors[i] = Sensor(called.get(body, body), point_B)
-            name = f"~/{body_topic(body, 'imu')}"
-            frame = self._settings.frame_prefix + body_frame(body)
-            publisher = offer(self._node, kind, name, self._settings.publish_depth)
-            self._publishers.append((publisher, imu_codec(frame)))
-        self.latest.open([publisher for publisher, _ in self._publishers])
+            self._sensors.append(Sensor(called.get(body, body), point_B))
+        self.topics = [(body_topic(body, "imu"), IMU) for body, _ in sensors]
+        self._codecs = [imu_codec(prefix + body_frame(body)) for body, _ in sensors]
 
-    def write(self, block: SampleBlock) -> None:
-        """Publish every sample of the block."""
+    def rows(self, block: SampleBlock) -> list[Any]:
+        """As in MessageTable."""
         found = accelerations(Trajectory(block, self._layout, self._scene))
-        last = []
-        for sensor, (publisher, codec) in zip(self._sensors, self._publishers, strict=True):
+        none = np.zeros((len(block), COVARIANCE_3X3))
+        rows = []
+        for sensor, codec in zip(self._sensors, self._codecs, strict=True):
             i = self._layout.bodies.index(sensor.body)
             arm = np.array(sensor.point_B) - self._scene.bodies[sensor.body].center_of_mass
             turn, spin = block.orientation[:, i], block.angular_velocity[:, i]
             free = found.linear[:, i] - self._gravity(sensor.body)
             force = rotate(conjugate(turn), free)
             force += cross(found.angular[:, i], arm[None]) + cross(spin, cross(spin, arm[None]))
-            none = np.zeros((len(block), COVARIANCE_3X3))
-            rows = np.concatenate([turn, none, spin, none, force, none], axis=1)
-            messages = [codec.pack(stamp_of(t), r) for t, r in zip(block.t, rows, strict=True)]
-            for data in messages:
-                publisher.publish(data)
-            last.append(messages[-1])
-        self.latest.sent(last)
+            values = np.concatenate([turn, none, spin, none, force, none], axis=1)
+            rows.append(codec.pack_rows(stamps_of(block), values))
+        return rows
 
     def _gravity(self, body: str) -> Array:
         """Sum of the uniform gravity fields on the body, world axes [m/s^2]."""
@@ -253,13 +221,6 @@ class Imu:
                 total += effect.acceleration
         return total
 
-    def close(self, summary: dict[str, Any] | None = None) -> None:
-        """Remove the publishers."""
-        self.latest.close()
-        for publisher, _ in self._publishers:
-            self._node.destroy_publisher(publisher)
-        self._publishers = []
-
 
 def imu_codec(frame_id: str) -> cdr.Codec:
     """sensor_msgs/Imu: orientation, angular velocity, linear acceleration, each with covariance."""
@@ -268,18 +229,22 @@ def imu_codec(frame_id: str) -> cdr.Codec:
 
 
 def asked_for(node: Node, settings: Settings) -> list[Any]:
-    """The sinks for all conventions requested by parameters."""
-    tables = {
-        joint_table: settings.joint_states,
-        OdometryTable: settings.odometry,
-        accel_table: settings.accelerations,
-    }
-    wanted = {
-        Imu: bool(settings.imu),
-        Markers: settings.markers,
-        RobotDescription: settings.robot_description,
-    }
+    """The sinks for all conventions requested by parameters. Raises RbSimError as read_sensors."""
+    prefix = settings.frame_prefix
+    sensors = read_sensors(settings.imu) if settings.imu else []
+    tables: list[tuple[bool, Make]] = [
+        (settings.joint_states, lambda scene, layout, _: JointTable(scene, layout)),
+        (settings.odometry, OdometryTable),
+        (settings.accelerations, accel_table),
+        (bool(sensors), partial(ImuTable, sensors)),
+    ]
+    latched: list[tuple[bool, str, str, MakeOnce]] = [
+        (settings.markers, f"~/{MARKERS}", cdr.MARKER_ARRAY,
+         lambda scene, layout, first: marker_array(scene, prefix)),
+        (settings.robot_description, ROBOT_DESCRIPTION, cdr.STRING,
+         lambda scene, layout, first: cdr.string(urdf(scene, layout, first))),
+    ]  # fmt: skip
     return [
-        *(OfTable(node, settings, make) for make, there in tables.items() if there),
-        *(make(node, settings) for make, there in wanted.items() if there),
+        *(OfTable(node, settings, make) for wanted, make in tables if wanted),
+        *(Once(node, name, kind, make) for wanted, name, kind, make in latched if wanted),
     ]

@@ -260,7 +260,7 @@ class Batch(NamedTuple):
     """Samples, the checks for them, and the effort up to their end."""
 
     check_list: CheckList
-    samples: list[SampleRow] | SampleBlock
+    samples: list[SampleRow]
     effort: Effort
 
 
@@ -283,11 +283,6 @@ class CheckSink:
         """Start the thread."""
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
-
-    def write(self, block: SampleBlock) -> None:
-        """Check the block, after the collected samples."""
-        self._pass_on()
-        self._hand_over(block)
 
     def write_row(self, row: SampleRow) -> None:
         """Collect the sample; a full batch is checked."""
@@ -320,24 +315,18 @@ class CheckSink:
         return CheckList(of.scene, of.layout, of.compiled)
 
     def _pass_on(self) -> None:
-        """Submit the collected samples."""
-        if self._waiting:
-            rows, self._waiting = self._waiting, []
-            self._hand_over(rows)
-
-    def _hand_over(self, samples: list[SampleRow] | SampleBlock) -> None:
-        """Check the samples in the thread, or at once without a thread."""
-        batch = Batch(self._check_list, samples, effort_of(self._simulation))
+        """Check the collected samples in the thread, or at once without a thread."""
+        if not self._waiting:
+            return
+        rows, self._waiting = self._waiting, []
+        batch = Batch(self._check_list, rows, effort_of(self._simulation))
         if self._thread is None:
             self._add(batch)
         else:
             self._batches.put(batch)
 
     def _add(self, batch: Batch) -> None:
-        samples = batch.samples
-        if isinstance(samples, list):
-            samples = self._block(samples)
-        batch.check_list.add(samples, batch.effort)
+        batch.check_list.add(self._block(batch.samples), batch.effort)
         self._give_way()
 
     def _block(self, rows: list[SampleRow]) -> SampleBlock:
