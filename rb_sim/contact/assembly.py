@@ -56,6 +56,7 @@ from rb_sim.numerics.complementarity import (
     UNILATERAL,
     Equations,
     solution,
+    unit_of,
 )
 from rb_sim.numerics.complementarity import NORMAL as OF_NORMAL
 from rb_sim.numerics.kernels import inline, integers, pointer
@@ -320,17 +321,44 @@ def ways_at_rest(table, c):
 
 
 @inline
+def problem_of(workspace, n, m, A, b, step):
+    """The problem of n rows and m bounds; step: work space of the solver."""
+    return Equations(
+        n, m, pointer(A), pointer(b), pointer(step), integers(workspace.rules),
+        pointer(workspace.least), integers(workspace.bounds), pointer(workspace.limits), 0.0,
+    )  # fmt: skip
+
+
+@inline
 def solve_in(workspace, n, m, A, b, terms, x):
     """Into x the solution of n rows and m bounds; returns what has become of it."""
-    none = pointer(x)
-    p = Equations(
-        n, m, pointer(A), pointer(b), none, integers(workspace.rules), pointer(workspace.least),
-        integers(workspace.bounds), pointer(workspace.limits), 0.0,
-    )  # fmt: skip
-    residual = solution(p, pointer(terms), none)
+    residual = solution(problem_of(workspace, n, m, A, b, x), pointer(terms), pointer(x))
     if residual != residual:
         return NOT_FINITE
     return SOLVED if residual <= CONTRADICTION else UNSOLVED
+
+
+@inline
+def measure_moments(system, workspace, n, m, A, b, terms, units):
+    """Measure moments, and turning, at an arm of the scene's length, in A, b, terms and the limits
+    of n rows and m bounds, so that least impulses weigh them beside forces.
+
+    units: of each row, in SI; powers of 2, which are exact.
+    """
+    arm = unit_of(1.0 / (system.length * system.length))
+    for i in range(n):
+        k = workspace.used[i]
+        first, force = 6 * system.row_table[k, BODY], 0.0
+        for j in range(3):
+            force += abs(workspace.J[k, first + j])
+        units[i] = 1.0 if force > 0.0 else arm
+    for i in range(n):
+        b[i], terms[i] = units[i] * b[i], units[i] * terms[i]
+        for j in range(n):
+            A[i, j] *= units[i] * units[j]
+    for i in range(m):
+        own = units[workspace.bounds[i, FIRST]]
+        workspace.limits[i] *= units[workspace.bounds[i, OF_NORMAL]] / own
 
 
 CANDIDATE, PRESSED = 1, 2

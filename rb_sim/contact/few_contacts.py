@@ -190,10 +190,10 @@ def find_least(p, held, rules, b, x, work):
             most, moved = max(most, abs(new[k])), max(moved, abs(new[k] - x[k]))
             x[k] = new[k]
             pushes = p.rules[k] == UNILATERAL and rules[k] == EQUALITY
-            if pushes and (pulls < 0 or x[k] < x[pulls]):
+            if pushes and (pulls < 0 or x[k] - p.least[k] < x[pulls] - p.least[pulls]):
                 pulls = k
-        if pulls >= 0 and x[pulls] < -COMPUTED_ROUNDING * most:
-            rules[pulls], b[pulls], x[pulls] = UNILATERAL, math.inf, 0.0
+        if pulls >= 0 and x[pulls] < p.least[pulls] - COMPUTED_ROUNDING * most:
+            rules[pulls], b[pulls], x[pulls] = UNILATERAL, math.inf, p.least[pulls]
         elif not moved > SOLVED * most:
             return n - rank
     return -1
@@ -238,7 +238,7 @@ def find_open(p, held, slow, rules, b, x, other, work):
             continue
         for k in range(p.n):
             other[k] = x[k]
-        rules[released], b[released], other[released] = UNILATERAL, math.inf, 0.0
+        rules[released], b[released], other[released] = UNILATERAL, math.inf, p.least[released]
         found = find_least(p, held, rules, b, other, work)
         if found >= 0 and not misfit(p, other, work) > FINE:
             change = largest_change(p, x, other)
@@ -248,8 +248,8 @@ def find_open(p, held, slow, rules, b, x, other, work):
 
 @inline
 def take_least(p, slow, x, look):
-    """Let the solution x of a problem be the least one; returns what `find_open` finds if asked to
-    look.  slow: w that is none."""
+    """Let the solution x of a problem be the least one; returns (unknowns that the laws do not
+    determine, what `find_open` finds if asked to look).  slow: w that is none."""
     n, figure, of = p.n, 0.0, 0
     rules, b = np.empty(n, np.int64), np.empty(n)
     held = p._replace(rules=integers(rules), b=pointer(b))
@@ -260,12 +260,12 @@ def take_least(p, slow, x, look):
         least[k] = x[k]
     free = find_least(p, held, rules, b, least, work)
     if free < 0 or misfit(p, least, work) > max(misfit(p, x, work), FINE):
-        return figure, of
+        return 0, figure, of
     if look and free > 0 and slips(p, slow, least):
         figure, of = find_open(p, held, slow, rules, b, least, other, work)
     for k in range(n):
         x[k] = least[k]
-    return figure, of
+    return free, figure, of
 
 
 @inline
@@ -335,7 +335,7 @@ def solve_few(graph, u, x, joints, slow, look):
         if before > ENOUGH:
             solve_near(p, pointer(terms), pointer(found))
         if not some_turn(graph):
-            figure, of = take_least(p, slow, pointer(found), look)
+            _, figure, of = take_least(p, slow, pointer(found), look)
         rest, moved, most = misfit(p, pointer(found), pointer(work)), 0.0, 0.0
         if rest > max(before, FINE):
             rest = before

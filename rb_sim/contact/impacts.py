@@ -37,18 +37,18 @@ from rb_sim.contact.assembly import (
     along_rows,
     assemble,
     inverse_mass_times,
+    measure_moments,
     momentum_of,
+    problem_of,
     read_velocities,
     row_times,
     solve_in,
-    velocity_after,
     write_all_rows,
 )
 from rb_sim.contact.event_workspace import (
     AMBIGUOUS,
     IMPACT,
     OF_ROUND,
-    OPEN,
     RESTS,
     TOUCHING,
     Workspace,
@@ -60,6 +60,7 @@ from rb_sim.contact.event_workspace import (
     velocity_tolerance_of,
     workspace_left,
 )
+from rb_sim.contact.few_contacts import take_least
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.constraint_tables import traction_over_normal_force
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -76,8 +77,8 @@ from rb_sim.mechanics.contact.contact_bodies import (
     first_row_of,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, RESPONSE, WIDTH
-from rb_sim.numerics.complementarity import EQUALITY, FRICTION, UNILATERAL
-from rb_sim.numerics.kernels import inline
+from rb_sim.numerics.complementarity import EQUALITY, FRICTION, UNILATERAL, fill_steps
+from rb_sim.numerics.kernels import inline, pointer
 
 # Series of impacts without end: bounces closed at once, chatter, flights between.
 
@@ -293,10 +294,6 @@ def time_of_flights(system, workspace, t, y, fixed):
 # (Glocker, Set-Valued Force Laws, 2001).
 
 
-MANY = 4
-"""Contacts that have to press in an impact for their shares to be undetermined."""
-
-
 class Rule(NamedTuple):
     """What is asked of an impact."""
 
@@ -353,83 +350,25 @@ def lay_out_impact(system, workspace, v, together, loose):
 
 
 @inline
-def let_press_hold(system, workspace, A, b, x, pressing):
-    """Let the contacts that do not part at the solution x hold, and mark them; returns how many
-    there are."""
-    many, velocity_tolerance = 0, velocity_tolerance_of(system)
-    for i in range(x.shape[0]):
-        pressing[i] = 0.0
-        if workspace.rules[i] == UNILATERAL and velocity_after(A, b, i, x) <= velocity_tolerance:
-            workspace.rules[i], pressing[i] = EQUALITY, 1.0
-            many += 1
-    return many
-
-
-@inline
-def keeps_pressing(workspace, pressing, x):
-    """True if no contact that presses would have to pull for x."""
-    most = 0.0
-    for i in range(x.shape[0]):
-        most = max(most, abs(x[i]))
-    for i in range(x.shape[0]):
-        if pressing[i] == 1.0 and x[i] < workspace.least[i] - COMPUTED_ROUNDING * most:
-            return False
-    return True
-
-
-@inline
-def leave_open(workspace, A, b, terms, x, other):
-    """Let workspace.undetermined tell how far two impulses end in other velocities, if they do."""
-    largest, most = 0.0, 0.0
-    for i in range(x.shape[0]):
-        largest = max(largest, terms[i])
-        apart = velocity_after(A, b, i, x) - velocity_after(A, b, i, other)
-        most = max(most, abs(apart))
-    if most > OPEN * largest:
-        workspace.undetermined[0] = max(workspace.undetermined[0], most / largest)
-
-
-@inline
-def without_least_impulse(workspace, m, A, b, terms, pressing, x, other):
-    """Into other the impulses where the contact that pushes least does not; returns SOLVED if there
-    are some."""
-    n, least = x.shape[0], -1
-    for i in range(n):
-        if pressing[i] == 1.0 and (least < 0 or x[i] < x[least]):
-            least = i
-    alone, rest = A.copy(), b.copy()
-    for i in range(n):
-        alone[least, i], alone[i, least] = 0.0, 0.0
-    alone[least, least], rest[least] = A[least, least], 0.0
-    return solve_in(workspace, n, m, alone, rest, terms, other)
-
-
-@inline
 def take_least_shares(system, workspace, m, A, b, terms, x):
-    """Where impulses have many solutions, let x be the least of them, if all that presses pushes in
-    it; workspace.undetermined tells how far others end in another motion.
+    """Where impulses have many solutions, let x be the least of them, as in time stepping (see
+    `few_contacts`); workspace.undetermined tells how far others end in another motion.
 
     How the corners of a face share an impulse is not in the laws, and rounding would choose. Where
     they slip in several directions the friction, and the motion, depend on it.
     """
     n = x.shape[0]
-    found, pressing = np.empty(n), np.empty(n)
-    if let_press_hold(system, workspace, A, b, x, pressing) < MANY:
-        return
-    if solve_in(workspace, n, m, A, b, terms, found) != SOLVED:
-        return
-    if not keeps_pressing(workspace, pressing, found):
-        return
-    leave_open(workspace, A, b, terms, x, found)
+    least, step, units = x.copy(), np.empty(n), np.empty(n)
+    measure_moments(system, workspace, n, m, A, b, terms, units)
     for i in range(n):
-        x[i] = found[i]
-    if without_least_impulse(workspace, m, A, b, terms, pressing, x, found) == SOLVED:
-        possible = keeps_pressing(workspace, pressing, found)
+        least[i] /= units[i]
+    p = problem_of(workspace, n, m, A, b, step)
+    p = p._replace(blur=fill_steps(n, p.A, pointer(terms), p.step))
+    free, figure, _ = take_least(p, velocity_tolerance_of(system), pointer(least), True)
+    if free > 0:
+        workspace.undetermined[0] = max(workspace.undetermined[0], figure)
         for i in range(n):
-            parts = velocity_after(A, b, i, found)
-            possible = possible and not (pressing[i] == 1.0 and abs(parts) > OPEN * terms[i])
-        if possible:
-            leave_open(workspace, A, b, terms, x, found)
+            x[i] = units[i] * least[i]
 
 
 @inline

@@ -249,6 +249,22 @@ def test_three_points_share_a_push_in_one_way() -> None:
     assert sum(event.kind == "impact" for event in simulation.events) == 3
 
 
+def test_feet_share_an_impact_by_the_least_impulses() -> None:
+    """One of five feet stands near the middle: the least impulses that take away the fall, x, have
+    the smallest sum of squares, whatever the inertia that each foot meets."""
+    feet = np.array([[0.14, 0.09], [-0.14, 0.09], [-0.14, -0.09], [0.14, -0.09], [0.02, 0.01]])
+    places = [[x, y, -0.05] for x, y in feet.tolist()]
+    mapping = scene(brick([0.0, 0.0], 0.0), touch(points=places), gravity=False)
+    mapping |= {"simulation": TIMES}
+    simulation = Simulation(load_scene(mapping), announce=None)
+    simulation.run(watched=False)
+    events = [event for event in simulation.events if event.kind == "impact"]
+    found = [event.impulse[2] for event in sorted(events, key=lambda event: event.contact)]
+    J = np.column_stack([np.ones(5), feet[:, 1], -feet[:, 0]])  # of v_z, w_x, w_y
+    mass = 12.0 / np.array([12.0, 0.2**2 + 0.1**2, 0.3**2 + 0.1**2])
+    assert_allclose(found, np.linalg.pinv(J * mass @ J.T) @ np.ones(5), rtol=1e-9)
+
+
 def test_a_box_that_tips_over_an_edge_ends_alike_at_every_tolerance() -> None:
     """On a belt: two corners bear when the other two strike, and all slip in several directions.
     Rounding chose the corners that had a part in it, and the ends were 5e-3 apart."""
