@@ -31,10 +31,10 @@ from rb_sim.graph.symbols import Graph, Symbol, operations, where
 from rb_sim.graph.table_program import PlainProgram
 from rb_sim.graph.taylor_code import SeriesLaws
 from rb_sim.mechanics.inputs import Inputs, Place
-from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, project, rate, sample
+from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, project, sample
 from rb_sim.mechanics.systems.fixed_point import FixedAxisBody
 from rb_sim.mechanics.systems.many_bodies import state_of
-from rb_sim.mechanics.systems.one_body import total_wrench
+from rb_sim.mechanics.systems.one_body import about, rate, total_wrench
 from rb_sim.mechanics.systems.rolling_body import RollingBody
 from rb_sim.mechanics.systems.translation import GuidedLaws, ways
 from rb_sim.numerics.kernels import Step
@@ -210,19 +210,14 @@ def rates_of_angles(system, z):
     )
 
 
-def turn_about(axis, angle):
-    """Quaternion of a rotation by an angle [rad] about a unit vector."""
-    return scale(sin(0.5 * angle), axis) + (cos(0.5 * angle),)
-
-
 def change_from_angles(system, y, z, dz):
     """Change of y, from the angles by which the disk has tilted, turned and spun."""
     q, w, n = y[3:7], y[7:10], system.normal
     e, u, _, _ = slope_frame(system, q)
     e_W, k_B, a = rotate(q, e), system.surface.axis_B, system.surface.radius
     dc, _, tilted, headed, spun, dw1, dw2, dw3, ahead, dZ = dz
-    world = quaternion_product(turn_about(n, headed), turn_about(e_W, tilted))
-    turned = quaternion_product(world, quaternion_product(q, turn_about(k_B, spun)))
+    world = quaternion_product(about(n, headed), about(e_W, tilted))
+    turned = quaternion_product(world, quaternion_product(q, about(k_B, spun)))
     dq = (turned[0] - q[0], turned[1] - q[1], turned[2] - q[2], turned[3] - q[3])
     ce, se = cos(spun), sin(spun)
     w1, w2, w3 = z[5] + dw1, z[6] + dw2, z[7] + dw3
