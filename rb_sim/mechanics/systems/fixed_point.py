@@ -31,7 +31,6 @@ from rb_sim.mechanics.systems.one_body import (
     torque_about,
     total_wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -61,7 +60,6 @@ class FixedPointBody(NamedTuple):
     effects: tuple
 
 
-@inline
 def held_by(system, B, alpha, f, k):
     """The Held of a body that turns about the point at C - rho."""
     w, rho = B.w_WB_B, system.rho

@@ -31,7 +31,6 @@ from rb_sim.mechanics.systems.one_body import (
     quaternion_defect,
     total_wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     conjugate,
@@ -72,7 +71,6 @@ def free_dynamics(system, t, y):
     return Dynamics(rates, B, quaternion_defect(B.q_WB))
 
 
-@inline
 def unit_if_needed(q):
     """q normalised if | |q|^2 - 1 | exceeds SMALL_DEFECT."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
@@ -153,7 +151,6 @@ def with_polhode(system: FreeRotor, inputs: tuple) -> FreeRotor:
 CHANGING[FreeRotor] = Changing(8, polhode_inputs, with_polhode)
 
 
-@inline
 def polhode_of(weights, contrast, w):
     """sum weights contrast^n w^2 for n = 0, 1, 2."""
     a, b, c = weights[0] * w[0] * w[0], weights[1] * w[1] * w[1], weights[2] * w[2] * w[2]
@@ -161,7 +158,6 @@ def polhode_of(weights, contrast, w):
     return a + b + c, u + v + x, contrast[0] * u + contrast[1] * v + contrast[2] * x
 
 
-@inline
 def on_polhode(system, w):
     """The angular velocity after one Newton step onto the polhode, each component by its own
     factor.

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from rb_sim.catalogue.spec import WORLD, BodyState, Vec3, potential, wrench
 from rb_sim.mechanics.system import CONFIGURATION, inside, project, sample
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -124,7 +124,6 @@ def energetics(effects, t, body, B):
     return u, p
 
 
-@inline
 def reaction_at_com(body, B, held):
     """Reaction force (world) and torque about C (world) from Newton-Euler (LL 38.6)."""
     force = sub(scale(body.mass, held.a_W), held.f_W)
@@ -132,7 +131,6 @@ def reaction_at_com(body, B, held):
     return force, rotate(B.q_WB, sub(turning, held.k_B))
 
 
-@inline
 def about(n, angle):
     """Quaternion of a turn about the unit vector n by an angle [rad]."""
     half = 0.5 * angle
@@ -140,14 +138,12 @@ def about(n, angle):
     return (s * n[0], s * n[1], s * n[2], cos(half))
 
 
-@inline
 def put3(out, i, a):
     """Write a vector into out from index i on; returns the next index."""
     out[i], out[i + 1], out[i + 2] = a[0], a[1], a[2]
     return i + 3
 
 
-@inline
 def put_state(out, B):
     """Write position, orientation and velocities of the body; returns the next index."""
     i = put3(out, 0, B.p_WC)
@@ -156,19 +152,16 @@ def put_state(out, B):
     return put3(out, put3(out, i + 4, B.v_WC), B.w_WB_B)
 
 
-@inline
 def put_wrench(out, i, force, torque, point):
     """Write force, torque about `point`, and the point; all world. Returns the next index."""
     return put3(out, put3(out, put3(out, i, force), torque), point)
 
 
-@inline
 def put_reaction(out, i, B, force, torque_C, point):
     """Write the reaction about `point` of a force and a torque about C. Returns the next index."""
     return put_wrench(out, i, force, add(torque_C, cross(sub(B.p_WC, point), force)), point)
 
 
-@inline
 def put_balance(out, i, effects, t, body, B, residual):
     """Write energies, power, momenta and the residual."""
     spin = symmetric_times(body.inertia, B.w_WB_B)
@@ -182,13 +175,11 @@ def put_balance(out, i, effects, t, body, B, residual):
     out[i] = residual
 
 
-@inline
 def torque_about(B, rho, f, k):
     """Active torque about the point at C - rho, body axes: K + rho x R^T F."""
     return add(k, cross(rho, unrotate(B.q_WB, f)))
 
 
-@inline
 def quaternion_defect(q):
     """| |q|^2 - 1 |."""
     return abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0)

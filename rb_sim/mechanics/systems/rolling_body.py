@@ -32,7 +32,6 @@ from rb_sim.mechanics.systems.one_body import (
     torque_about,
     total_wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -79,7 +78,6 @@ class LineRollingBody(NamedTuple):
     effects: tuple
 
 
-@inline
 def contact_arm(system, q, w):
     """rho = r_PC and its rate in the body frame."""
     gamma = unrotate(q, system.normal)
@@ -87,7 +85,6 @@ def contact_arm(system, q, w):
     return rho, neg(support_rate(system.surface, gamma, cross(gamma, w)))
 
 
-@inline
 def right_side(system, B, rho, rho_dot, f, k):
     """K + rho x F - w x I w - m rho x (w x rho' + w x (w x rho)), body axes."""
     w = B.w_WB_B
@@ -99,7 +96,6 @@ def right_side(system, B, rho, rho_dot, f, k):
     )
 
 
-@inline
 def held_at_contact(system, B, rho, rho_dot, alpha, f, k):
     """(residual, Held) of the point of contact at C - rho; alpha: dw_B/dt.
 

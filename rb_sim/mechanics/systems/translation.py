@@ -34,7 +34,7 @@ from rb_sim.graph.symbols import Graph, call, minimum
 from rb_sim.mechanics.system import inside
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.mechanics.systems.one_body import Dynamics, Held, body_system, total_wrench
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import ZERO, add, dot, rotate, scale, sub
 
 # Guides along splines: position of a motion among their pieces, and steps that must end at breaks.
@@ -131,7 +131,6 @@ class GuidedBody(NamedTuple):
     effects: tuple
 
 
-@inline
 def held_upright(system, B, a, f, k):
     """The Held of a body that does not turn, about r_B; a: acceleration of C."""
     return Held(a, ZERO, f, k, add(B.p_WC, rotate(B.q_WB, system.r_B)))
