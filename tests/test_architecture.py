@@ -74,9 +74,10 @@ BARE = """
 from typing import NamedTuple
 from rb_sim.catalogue.spec import BodyState
 from rb_sim.mechanics.systems.one_body import put_balance, put_state, quaternion_defect
-from rb_sim.mechanics.system import CONFIGURATION, inside, rate, sample, project
-from rb_sim.mechanics.systems.free import unit_if_needed
-from rb_sim.mechanics.systems.free import on_polhode, rotor_state
+from rb_sim.mechanics.systems.one_body import Dynamics, body_system
+from rb_sim.mechanics.system import project, sample
+from rb_sim.mechanics.systems.free import on_polhode, unit_if_needed
+from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.vectors import conjugate, quaternion_product, quaternion_rate, rotate, scale
 
 class Bare(NamedTuple):
@@ -89,15 +90,15 @@ class Bare(NamedTuple):
     polhode: tuple
     effects: tuple
 
-CONFIGURATION[Bare] = 7
 NONE = (0.0, 0.0, 0.0)
 
-@rate.register(Bare)
-def bare_rate(system, t, y):
-    P, k = rotor_state(y), system.coupling
+@body_system(Bare, configuration=7)
+def bare_dynamics(system, t, y):
+    P, k = state_of(y, 0), system.coupling
     a, w = scale(1.0 / system.body.mass, NONE), P.w_WB_B
     alpha = (k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
-    return P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
+    rates = P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
+    return Dynamics(rates, P, quaternion_defect(P.q_WB))
 
 @project.register(Bare)
 def bare_project(system, t, y):
@@ -105,15 +106,11 @@ def bare_project(system, t, y):
 
 @sample.register(Bare)
 def bare_sample(system, t, y, out):
-    P = rotor_state(y)
+    P = state_of(y, 0)
     q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
     B = BodyState(P.p_WC, q_WB, P.v_WC, rotate(system.q_BP, P.w_WB_B))
     i = put_state(out, B)
     put_balance(out, i, system.effects, t, system.body, B, quaternion_defect(P.q_WB))
-
-@inside.register(Bare)
-def bare_inside(system, y):
-    return True
 """
 
 

@@ -20,7 +20,7 @@ import sys
 from rb_sim.base.errors import RbSimError
 from rb_sim.graph.emit import c_function
 from rb_sim.mechanics.laws import ReducedLaws
-from rb_sim.mechanics.system import rate
+from rb_sim.mechanics.systems.one_body import rate
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene
 

@@ -23,7 +23,7 @@ from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.spec import Vec3
 from rb_sim.graph.machine import bound
 from rb_sim.graph.symbols import External, call, stepwise
-from rb_sim.numerics.kernels import Routine, dispatch, inline, place_of, routine, table_at
+from rb_sim.numerics.kernels import Routine, dispatch, place_of, routine, table_at
 from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
 
 # A spline c(s) as data: its pieces in one table, which compiled functions read by address.
@@ -44,14 +44,12 @@ SHARE = 0.1
 SWEEPS = 30
 
 
-@inline
 def breaks_of(table):
     """The m + 1 breaks of a table: parameters at which its pieces begin, and the end of the last
     one."""
     return table[HEAD : HEAD + int(table[0]) + 1]
 
 
-@inline
 def piece_at(breaks, s):
     """Index of the piece that contains s; the first and the last piece extend beyond the ends."""
     low, high = 0, breaks.shape[0] - 1
@@ -64,13 +62,11 @@ def piece_at(breaks, s):
     return low
 
 
-@inline
 def turns_before(period, s):
     """Number of whole periods before s; 0 for an open curve."""
     return math.floor(s / period) if period > 0.0 and math.isfinite(s) else 0.0
 
 
-@inline
 def put_piece(table, s, results):
     """Write the parameter at which the piece of s begins, then the coefficients of the piece."""
     breaks, turns = breaks_of(table), turns_before(table[2], s)
@@ -82,7 +78,6 @@ def put_piece(table, s, results):
         results[1 + j] = table[first + j]
 
 
-@inline
 def along(table, s, x, y, z):
     """((c - p) . c', c' . c', (c - p) . c'') at the parameter s for the point p = (x, y, z)."""
     breaks, turns, k = breaks_of(table), turns_before(table[2], s), int(table[1])
@@ -101,7 +96,6 @@ def along(table, s, x, y, z):
     return gap, square, bend
 
 
-@inline
 def nearest_to(table, x, y, z):
     """Parameter of the curve point nearest to (x, y, z), for a point close to the curve.
 
@@ -125,7 +119,6 @@ def nearest_to(table, x, y, z):
     return s
 
 
-@inline
 def break_between(table, a, b, weight, limit):
     """The first break between a and b that a step may not cross; NaN if it may cross all.
 
@@ -157,13 +150,11 @@ def break_between(table, a, b, weight, limit):
     return math.nan
 
 
-@inline
 def way(x, s, first, second, third):
     """The cubic s + first x + second x^2 + third x^3."""
     return s + x * (first + x * (second + x * third))
 
 
-@inline
 def share_of_step(table, s0, v0, s1, v1, h, tolerance):
     """Fraction of a step after which it reaches a break that it may not cross; 1 if there is none.
 

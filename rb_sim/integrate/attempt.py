@@ -39,7 +39,7 @@ from rb_sim.integrate.layout import (
     WAYS,
     WHOLE,
 )
-from rb_sim.numerics.kernels import call_law, call_step, dispatch, helper, part
+from rb_sim.numerics.kernels import call_law, call_step, dispatch, part
 
 # Newton's iteration on the positions g(q) = 0 of constraint rows.
 #
@@ -72,7 +72,6 @@ def correct_positions(way, t, y, rows):
     raise TypeError(f"{type(way)}: no constraint rows")
 
 
-@helper
 def return_to_positions(way, t, y, length, near):
     """Newton's iteration to g(q) = 0; y changes in place, velocities stay unchanged.
 
@@ -96,7 +95,6 @@ def return_to_positions(way, t, y, length, near):
 # are normalised, and the bodies are projected onto the manifold of their constraints.
 
 
-@helper
 def accumulate(n, y, dy, carry):
     """y + dy by Kahan's compensated summation, in place: rounding does not accumulate over the
     steps."""
@@ -107,7 +105,6 @@ def accumulate(n, y, dy, carry):
         y[i] = s
 
 
-@helper
 def copy(n, to, of):
     """Copy n numbers of array `of` into array `to`."""
     for i in range(n):
@@ -139,7 +136,6 @@ def correct_by_laws(way, t, y, rows):
     copy(way.n, y, way.at)
 
 
-@helper
 def project_once(laws, setting, n, t, y, p, work):
     """Normalise quaternions and project y onto the constraint manifold, in place; NaN if that
     fails.
@@ -154,7 +150,6 @@ def project_once(laws, setting, n, t, y, p, work):
     copy(n, y, at)
 
 
-@helper
 def project(laws, setting, n, t, y, p, work):
     """Project y onto the constraint manifold, in place."""
     if laws[BACK]:
@@ -178,7 +173,6 @@ MOST_CUTS = 8
 """Most attempts to end a step where a piece of a law ends."""
 
 
-@helper
 def root(order, x):
     """x^(1/order)."""
     if order == 8.0:
@@ -186,13 +180,11 @@ def root(order, x):
     return x ** (1.0 / order)
 
 
-@helper
 def relative(setting, error):
     """The error relative to the tolerance; 0 for a fixed step."""
     return error / setting[TOLERANCE] if setting[TOLERANCE] > 0.0 else 0.0
 
 
-@helper
 def attempt(laws, setting, n, t, old, h, p, last, work, new):
     """One step of length h from the row `old`; returns its error relative to the tolerance.
 
@@ -208,7 +200,6 @@ def attempt(laws, setting, n, t, old, h, p, last, work, new):
     return relative(setting, error)
 
 
-@helper
 def finish(laws, setting, n, t, old, p, work, new):
     """Write the row `new` for the end t of an accepted step."""
     if laws[WHOLE]:
@@ -222,7 +213,6 @@ def finish(laws, setting, n, t, old, p, work, new):
     new[2 * n] = total
 
 
-@helper
 def share_of(laws, setting, n, t0, t, old, p, work, new):
     """Fraction of a step from the row `old` after which a piece of a law ends; 1 if none ends.
 
@@ -245,7 +235,6 @@ def share_of(laws, setting, n, t0, t, old, p, work, new):
     return found[0]
 
 
-@helper
 def begin(laws, setting, n, t, y, p, last, work):
     """Write the inputs that are carried over or chosen for a step from the row y at t; `last` is
     the index of the step's length among them.
@@ -258,7 +247,6 @@ def begin(laws, setting, n, t, y, p, last, work):
         copy(count, part(p, last - count), at)
 
 
-@helper
 def ended(laws, n, t, y, p, work, status):
     """The status of a step that ended in the row y at t; `status` if the state is valid."""
     if not math.isfinite(y[2 * n]):

@@ -20,7 +20,7 @@ import math
 from rb_sim.graph.vector_code import LANES
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
-from rb_sim.numerics.kernels import call_law, helper, loop, part, pointer
+from rb_sim.numerics.kernels import call_law, loop, part, pointer
 
 OPEN = -1
 """Status of an unfinished run."""
@@ -33,14 +33,12 @@ TOTAL, INSIDE, FIXED_EXTRA = range(3)
 their number."""
 
 
-@helper
 def fill(vector, row, value):
     """Write one value into all lanes of a row of a vector table."""
     for lane in range(LANES):
         vector[row * LANES + lane] = value
 
 
-@helper
 def note_fixed(n, new, statuses):
     """Set the statuses of lanes that have just failed; returns the number of open lanes."""
     left = 0
@@ -147,7 +145,6 @@ MOST_FIRST = 60
 """Most attempts to find a first step."""
 
 
-@helper
 def begin(k, n, lane, state, inputs, starts, given, queue):
     """Start the next run in lane k, if there is one."""
     run, m = int(queue[NEXT_RUN]), int(queue[GIVEN])
@@ -169,7 +166,6 @@ def begin(k, n, lane, state, inputs, starts, given, queue):
         inputs[i * LANES + k] = given[run * m + i]
 
 
-@helper
 def keep(k, n, lane, state, first, queue, out):
     """Store the coordinates of lane k, from row `first` on, as its next sample."""
     row = int(lane[RUN * LANES + k]) * int(queue[TIMES]) + int(lane[REACHED * LANES + k])
@@ -178,7 +174,6 @@ def keep(k, n, lane, state, first, queue, out):
     lane[REACHED * LANES + k] += 1.0
 
 
-@helper
 def end(k, lane, ended, status):
     """End the run of lane k: write its status and number of steps into `ended`."""
     run = int(lane[RUN * LANES + k])
@@ -186,7 +181,6 @@ def end(k, lane, ended, status):
     ended[2 * run + 1] = lane[TAKEN * LANES + k]
 
 
-@helper
 def go_on(k, lane, inputs, m):
     """Prepare a step of lane k."""
     start, mode = lane[T1 * LANES + k], int(lane[MODE * LANES + k])
@@ -205,7 +199,6 @@ def go_on(k, lane, inputs, m):
     inputs[(m + FORCED) * LANES + k] = 1.0 if small and mode == ADVANCE else 0.0
 
 
-@helper
 def attempt(k, inputs, m, start, h, sampling):
     """Set start and length [s] of the next attempt of lane k, and whether it leads to a sample."""
     inputs[(m + STEP) * LANES + k] = h
@@ -213,7 +206,6 @@ def attempt(k, inputs, m, start, h, sampling):
     inputs[(m + SAMPLING) * LANES + k] = sampling
 
 
-@helper
 def prepare(k, n, lane, state, inputs, starts, given, queue, times, out, ended):
     """Prepare the next attempt of lane k; store samples at grid points, end and start runs."""
     m = int(queue[GIVEN])
@@ -239,7 +231,6 @@ def prepare(k, n, lane, state, inputs, starts, given, queue, times, out, ended):
     attempt(k, inputs, m, 0.0, 0.0, 1.0)
 
 
-@helper
 def cut(k, lane, error):
     """Shorten the first step of lane k after a rejected attempt."""
     lane[TRIES * LANES + k] += 1.0
@@ -252,7 +243,6 @@ def cut(k, lane, error):
         lane[TRIES * LANES + k] = 0.0
 
 
-@helper
 def take(k, lane, state, last):
     """Accept the step of lane k; returns a status, OPEN if its run continues."""
     following = state[(last + FOLLOWING) * LANES + k]
@@ -271,7 +261,6 @@ def take(k, lane, state, last):
     return OPEN if state[(last + ERROR) * LANES + k] <= 1.0 else STEP_UNDERFLOW
 
 
-@helper
 def judge(k, n, lane, state, queue, out):
     """Evaluate the attempt of lane k; returns a status, OPEN if its run continues."""
     last, mode = 6 * n, int(lane[MODE * LANES + k])

@@ -20,7 +20,6 @@ from rb_sim.compiler import arrays
 from rb_sim.compiler import builder as k
 from rb_sim.compiler.builder import PackedSystem, Value
 from rb_sim.compiler.calls import means
-from rb_sim.numerics.kernels import helper
 
 # Rows of the work array, of n numbers each, that every step uses.
 
@@ -43,7 +42,6 @@ SLOPE_ROWS = 16
 WORK_ROWS = SLOPES + SLOPE_ROWS
 
 
-@helper
 def size_of(n, y, work, m):
     """Scale to which the error of coordinate m is relative."""
     way = work[SHARE_OF_WAY * n + m] * abs(y[m] - work[START * n + m])

@@ -84,7 +84,6 @@ from rb_sim.integrate.methods.taylor import (
 from rb_sim.numerics.kernels import (
     call_law,
     for_python,
-    helper,
     integers_to,
     part,
     pointer_to,
@@ -94,7 +93,6 @@ from rb_sim.numerics.kernels import (
 # Fixed steps, cut at the ends of pieces of a law.
 
 
-@helper
 def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
     """(end [s], 1 for a whole step or 0): a fixed step from t0 to t1, or to the end of a piece
     before."""
@@ -109,7 +107,6 @@ def upto_piece(laws, setting, n, t0, t1, h, old, p, last, work, new):
     return t1, whole
 
 
-@helper
 def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, work):
     """Fixed steps up to the time `until` or `most` steps, not beyond `stop`; returns a status.
 
@@ -145,7 +142,6 @@ def stride(laws, setting, n, clock, count, state, p, last, until, most, stop, wo
 # along a Taylor series.
 
 
-@helper
 def first_length(laws, setting, n, t, y, p, last, work, new):
     """Length of the first step: the largest one, shortened by its error estimate until that is
     accepted."""
@@ -161,7 +157,6 @@ def first_length(laws, setting, n, t, y, p, last, work, new):
     return h
 
 
-@helper
 def next_length(setting, h, error):
     """Length of the next step after one of length h with this error."""
     if not math.isfinite(error):
@@ -170,7 +165,6 @@ def next_length(setting, h, error):
     return min(factor * h, setting[LARGEST])
 
 
-@helper
 def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, new):
     """(end of the step, status): one step from the row `old`, repeated until the tolerance is
     met."""
@@ -202,7 +196,6 @@ def advance_adaptive(laws, setting, n, clock, count, p, last, stop, work, old, n
     return t, FINE if error <= 1.0 else STEP_UNDERFLOW
 
 
-@helper
 def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, new, series):
     """As advance_adaptive, along the Taylor series at the end of the last step."""
     t0, tries, cuts, kept = clock[T1], 0, 0, False
@@ -237,7 +230,6 @@ def advance_series(laws, setting, sizes, n, clock, count, p, stop, work, old, ne
     return t, FINE if kept else STEP_UNDERFLOW
 
 
-@helper
 def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, series):
     """One adaptive step, not beyond `stop`; returns a status."""
     row = 2 * n + EXTRA
@@ -265,7 +257,6 @@ def advance(laws, setting, sizes, n, clock, count, state, p, last, stop, work, s
 # samples, and a run split in two equals the run in one, bit for bit.
 
 
-@helper
 def go_on(laws, setting, sizes, n, clock, count, state, p, last, until, most, stop, work, series):
     """One or more steps of the grid; returns a status."""
     if setting[TOLERANCE] == 0.0:
@@ -278,7 +269,6 @@ MOST_PARTS = 8
 has succeeded, if a stage is at a loss of rank of a loop."""
 
 
-@helper
 def in_parts(laws, setting, n, t0, t, parts, old, p, last, work, now):
     """Write the state at t into the row `now`, by `parts` equal steps from the row `old`."""
     copy(2 * n + EXTRA, now, old)
@@ -288,7 +278,6 @@ def in_parts(laws, setting, n, t0, t, parts, old, p, last, work, now):
         finish(laws, setting, n, end, now, p, work, now)
 
 
-@helper
 def move_to(laws, setting, sizes, n, clock, count, state, t, p, last, work, series):
     """Write the state at t, t0 <= t <= t1, into the row NOW; returns that row."""
     row, slack = 2 * n + EXTRA, ULPS * abs(t)

@@ -11,12 +11,9 @@
 
 from __future__ import annotations
 
-from rb_sim.numerics.kernels import inline
-
 # The cubic through values a, b and rates ra, rb at the ends of an interval, on s in 0..1 (Hermite).
 
 
-@inline
 def cubic_at(a, ra, b, rb, width, s):
     """(value, derivative by s) of the cubic at s."""
     m0, m1 = ra * width, rb * width
@@ -24,7 +21,6 @@ def cubic_at(a, ra, b, rb, width, s):
     return a + s * (m0 + s * (q + s * r)), m0 + s * (2.0 * q + 3.0 * s * r)
 
 
-@inline
 def tangents_meet(a, ra, b, rb, width):
     """(position s in 0..1, value) where the tangents at the ends intersect, for ra < 0 < rb.
 
@@ -35,14 +31,12 @@ def tangents_meet(a, ra, b, rb, width):
     return s, max(a + ra * width * s, b - rb * width * (1.0 - s))
 
 
-@inline
 def cubic_range(a, ra, b, rb, width):
     """(lower, upper) bound of the cubic: the extreme Bernstein coefficients."""
     x, z = a + ra * width / 3.0, b - rb * width / 3.0
     return min(min(a, b), min(x, z)), max(max(a, b), max(x, z))
 
 
-@inline
 def cubic_minimum(a, ra, b, rb, width):
     """Position s of the minimum of the cubic inside the interval; -1 if there is none."""
     m0, m1 = ra * width, rb * width

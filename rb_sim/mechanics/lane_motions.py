@@ -28,7 +28,8 @@ from rb_sim.integrate import lane_loops
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.methods import loop_of
 from rb_sim.mechanics.samples import Array
-from rb_sim.mechanics.system import inside, project, rate, sample
+from rb_sim.mechanics.system import inside, project, sample
+from rb_sim.mechanics.systems.one_body import rate
 from rb_sim.numerics.kernels import Step
 
 PIECE = 4096

@@ -37,13 +37,6 @@ def started(system: Any, y: Any) -> Any:
     return start(system, y) if start else system
 
 
-def _rate(system, t, y):
-    """dy/dt of one body as a tuple."""
-
-
-rate = dispatch(_rate)
-
-
 @dispatch
 def project(system, t, y):
     """y projected onto the constraint manifold up to rounding; arrays in place."""

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SUM_ROUNDING
-from rb_sim.numerics.kernels import entry, inline, integers, part, pointer
+from rb_sim.numerics.kernels import entry, integers, part, pointer
 from rb_sim.numerics.linear_solves import least_squares
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT
 
@@ -71,7 +71,6 @@ def workspace_of(n: int) -> int:
     return 2 * n * n + 16 * n
 
 
-@inline
 def row_times(p, k, x):
     """w of row k at x."""
     s = p.b[k]
@@ -80,7 +79,6 @@ def row_times(p, k, x):
     return s
 
 
-@inline
 def size_of(n, a):
     """Euclidean norm of n numbers."""
     s = 0.0
@@ -89,7 +87,6 @@ def size_of(n, a):
     return s**0.5
 
 
-@inline
 def limit(p, i, x):
     """Value of the i-th friction bound at x."""
     n = p.bounds[BOUND_WIDTH * i + NORMAL]
@@ -99,14 +96,12 @@ def limit(p, i, x):
     return p.limits[i] * normal_force
 
 
-@inline
 def tangential_rows(p, i):
     """(first row, second row or -1, smaller one of their steps) of the i-th bound."""
     k, m = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + SECOND]
     return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
 
 
-@inline
 def equations(p, x, w, F, J):
     """Write residual F and generalised Jacobian J at x, and w = A x + b; returns |F|."""
     n = p.n
@@ -125,7 +120,6 @@ def equations(p, x, w, F, J):
     return size_of(n, F)
 
 
-@inline
 def write_friction(p, i, x, w, F, J):
     """Write the equations of the i-th friction bound into F and J."""
     n, normal = p.n, p.bounds[BOUND_WIDTH * i + NORMAL]
@@ -161,7 +155,6 @@ def write_friction(p, i, x, w, F, J):
             J[m * n + normal] -= slope * z
 
 
-@inline
 def relative(p, error, x):
     """Residual beyond the rounding of b, relative to the size of x, or of the x of a single row
     alone."""
@@ -171,7 +164,6 @@ def relative(p, error, x):
     return max(0.0, error - p.blur) / (1e-3 * natural + size_of(p.n, x))
 
 
-@inline
 def newton(p, x, workspace):
     """Newton's iteration from x, in place, with steps halved until the residual falls; returns the
     relative residual.
@@ -208,7 +200,6 @@ def newton(p, x, workspace):
     return relative(p, error, x)
 
 
-@inline
 def sweep(p, x):
     """Projected Gauss-Seidel from zero; the result is in x."""
     for k in range(p.n):
@@ -230,7 +221,6 @@ def sweep(p, x):
                 x[m] = ratio * z
 
 
-@inline
 def fill_steps(n, A, terms, step):
     """Write the step of each row; returns the residual that is only rounding of b with these
     terms."""
@@ -260,7 +250,6 @@ SOFTER, PROXIMAL_STEPS = 1e-3, 60
 """Added stiffness of a proximal step, relative to a row's own, and the most such steps."""
 
 
-@inline
 def search(p, x, workspace, starts):
     """Newton's iteration from x and, for `starts` > 1, from all rows held and from sweeps, until it
     converges.
@@ -286,7 +275,6 @@ def search(p, x, workspace, starts):
     return residual
 
 
-@inline
 def approach(p, x, workspace):
     """As `search`, by proximal steps from the result of sweeps (Rockafellar 1976).
 
@@ -323,7 +311,6 @@ def approach(p, x, workspace):
     return least
 
 
-@inline
 def unit_of(element):
     """The power of two whose square times the element is about 1; 1 for an element of 0."""
     unit = 1.0
@@ -334,7 +321,6 @@ def unit_of(element):
     return unit
 
 
-@inline
 def even_out(p, terms, A, b, even_terms, limits, least, sizes):
     """Write the problem in units in which all rows have similar diagonal elements into A, b,
     even_terms, limits and least.
@@ -370,7 +356,6 @@ def even_out(p, terms, A, b, even_terms, limits, least, sizes):
         limits[i] = p.limits[i] * (sizes[normal] / sizes[k])
 
 
-@inline
 def all_finite(n, a):
     """Whether none of n numbers is NaN or infinite."""
     for i in range(n):
@@ -379,7 +364,6 @@ def all_finite(n, a):
     return True
 
 
-@inline
 def solution(p, terms, x):
     """Write a solution into x; returns its residual, NaN if A or b is not finite.
 

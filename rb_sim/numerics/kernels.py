@@ -171,11 +171,6 @@ def loop(function: Function) -> Any:
     return Entry(function)
 
 
-def helper(function: Function) -> Any:
-    """Decorator of a function that loops call: it is compiled with them and stays plain Python."""
-    return function
-
-
 class ForPython:
     """A loop f(places) that Python calls with the address of its integers; see `where`.
 
@@ -317,7 +312,7 @@ def dispatch(stub: Kernel) -> Any:
 # Decorators of functions of catalogue and contact.
 #
 # The functions stay plain Python, which traces of laws and RB_SIM_INTERPRETED=1 run as they are;
-# those that compiled code calls are compiled with it.
+# those that compiled code calls are compiled with it and need no mark.
 
 
 __all__ = ["branching", "by_address", "dispatch", "entry", "inline", "on_compilation"]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.numerics.kernels import inline, part, pointer
+from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 
 # The x of minimum norm among those with the least |A x - b|, for small square matrices of any rank,
@@ -24,7 +24,6 @@ from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 # Matrices are vectors of their rows, one after another.
 
 
-@inline
 def column_size(R, n, k, j):
     """Norm of column j from row k on."""
     s = 0.0
@@ -33,7 +32,6 @@ def column_size(R, n, k, j):
     return s**0.5
 
 
-@inline
 def reflect_columns(R, n, k, c):
     """Householder reflection that zeroes column k of R below row k, applied to the later columns
     and c.
@@ -63,7 +61,6 @@ def reflect_columns(R, n, k, c):
     R[k * n + k] = size
 
 
-@inline
 def triangular(R, n, c, order, least):
     """Triangular factor R of A P = Q R in place of A, Q^T c in place of c, P in order; returns the
     rank.
@@ -90,7 +87,6 @@ def triangular(R, n, c, order, least):
     return n
 
 
-@inline
 def reflect_row(R, n, rank, k, v):
     """Householder reflection that zeroes row k of R from column `rank` on, applied to the rows
     above.
@@ -120,14 +116,12 @@ def reflect_row(R, n, rank, k, v):
     return -size * head
 
 
-@inline
 def least_squares(A, b, n, x, work):
     """Write the solution into x; A and b must be finite; work: n (n + 4) numbers."""
     copy_system(A, b, n, work)
     decomposed(work, part(work, n * n), n, n, LEAST_SINGULAR, part(work, n * (n + 1)), x)
 
 
-@inline
 def of_rank(A, b, n, rank, x, work):
     """As `least_squares`, for a matrix of known rank; NaN if A or b is not finite."""
     total = 0.0
@@ -143,7 +137,6 @@ def of_rank(A, b, n, rank, x, work):
     decomposed(work, part(work, n * n), n, rank, 0.0, part(work, n * (n + 1)), x)
 
 
-@inline
 def copy_system(A, b, n, work):
     """Copy A, then b, into the workspace."""
     for i in range(n * n):
@@ -152,7 +145,6 @@ def copy_system(A, b, n, work):
         work[n * n + i] = b[i]
 
 
-@inline
 def decomposed(R, c, n, most, least, work, x):
     """As `least_squares`, overwriting R = A and c = b; most: largest rank; least: see
     `triangular`.  Returns the rank."""
@@ -183,7 +175,6 @@ def decomposed(R, c, n, most, least, work, x):
 # Linear systems A x = b with a symmetric positive semidefinite A, as from constraints.
 
 
-@inline
 def solve_semidefinite(A, b, x, L, order, n):
     """A solution x of A x = b, by pivoted Cholesky on the scaled matrix; returns the rank of A.
 
@@ -239,7 +230,6 @@ def solve_semidefinite(A, b, x, L, order, n):
 # friction: the reaction of a slipping contact is not along its constraint row.
 
 
-@inline
 def solve_unsymmetric(A, b, x, L, columns, n):
     """A solution of A x = b, by elimination with complete pivoting; returns the rank of A.
 
@@ -293,7 +283,6 @@ def solve_unsymmetric(A, b, x, L, columns, n):
     return rank
 
 
-@inline
 def least_norm(A, b, x, rank, n):
     """The minimum-norm solution of A x = b for A of the given rank; NaN if A or b is not finite.
 

@@ -15,7 +15,6 @@ A symmetric matrix is (xx, yy, zz, xy, xz, yz). Compiled, tuples are in register
 from __future__ import annotations
 
 from rb_sim.graph.symbols import atan2, cos, maximum, rarely, sin, sqrt, where
-from rb_sim.numerics.kernels import inline
 
 # Functions of numbers for floats, compiled code and symbols of a trace. `where(condition, a, b)`
 # replaces a branch on the state; both sides are computed.
@@ -27,42 +26,34 @@ __all__ = ["atan2", "cos", "maximum", "rarely", "sin", "sqrt", "where"]
 ZERO = (0.0, 0.0, 0.0)
 
 
-@inline
 def add(a, b):
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-@inline
 def sub(a, b):
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-@inline
 def scale(s, a):
     return (s * a[0], s * a[1], s * a[2])
 
 
-@inline
 def neg(a):
     return (-a[0], -a[1], -a[2])
 
 
-@inline
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inline
 def cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@inline
 def norm(a):
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@inline
 def rotate(q, a):
     """R(q) a: from body to world axes."""
     u = (q[0], q[1], q[2])
@@ -70,7 +61,6 @@ def rotate(q, a):
     return add(a, add(scale(q[3], t), cross(u, t)))
 
 
-@inline
 def unrotate(q, a):
     """R(q)^T a: from world to body axes."""
     u = (q[0], q[1], q[2])
@@ -78,7 +68,6 @@ def unrotate(q, a):
     return add(a, add(scale(q[3], t), cross(t, u)))
 
 
-@inline
 def quaternion_product(a, b):
     """a b: rotation by b first, then by a."""
     return (
@@ -89,13 +78,11 @@ def quaternion_product(a, b):
     )
 
 
-@inline
 def conjugate(q):
     """The inverse of a unit quaternion."""
     return (-q[0], -q[1], -q[2], q[3])
 
 
-@inline
 def quaternion_rate(q, w):
     """dq/dt = (1/2) q (w, 0) for the angular velocity w in the body frame."""
     return (
@@ -106,14 +93,12 @@ def quaternion_rate(q, w):
     )
 
 
-@inline
 def quaternion_unit(q):
     """q / |q|, accurate for any length of q."""
     s = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return (s * q[0], s * q[1], s * q[2], s * q[3])
 
 
-@inline
 def symmetric_times(s, a):
     return (
         s[0] * a[0] + s[3] * a[1] + s[4] * a[2],
@@ -122,7 +107,6 @@ def symmetric_times(s, a):
     )
 
 
-@inline
 def gyroscopic(s, w):
     """w x S w, from differences of the moments.
 
@@ -137,7 +121,6 @@ def gyroscopic(s, w):
     )
 
 
-@inline
 def shifted_inertia(inertia, mass, r):
     """Inertia + mass (r.r 1 - r r^T): Steiner's theorem (LL 32.12)."""
     x, y, z = r
@@ -151,7 +134,6 @@ def shifted_inertia(inertia, mass, r):
     )
 
 
-@inline
 def symmetric_solve(s, b):
     """x with S x = b for a positive definite S, by L D L^T factors."""
     l10 = s[3] / s[0]
@@ -166,7 +148,6 @@ def symmetric_solve(s, b):
     return (b[0] / s[0] - l10 * y - l20 * z, y, z)
 
 
-@inline
 def perpendicular(n):
     """Unit vectors t1, t2 that complete the unit vector n to a right-handed frame (t1, t2, n)."""
     sign = where(n[2] >= 0.0, 1.0, -1.0)

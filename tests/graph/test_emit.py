@@ -37,7 +37,7 @@ from rb_sim.graph.symbols import (
 )
 from rb_sim.graph.table_program import MOST_WORKSPACE, Field, PlainProgram, Program
 from rb_sim.graph.vector_code import LANES, NEAR, compile_lanes, sine_and_cosine
-from rb_sim.mechanics.system import rate
+from rb_sim.mechanics.systems.one_body import rate
 from rb_sim.scene.compile import compile_scene
 from tests.graph.test_machine import run
 from tools.c_law import c_law

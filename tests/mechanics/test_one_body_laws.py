@@ -59,7 +59,8 @@ def sampled(compiled: Any, y: Any) -> np.ndarray:
 
 def both(mapping: Mapping, seed: int) -> tuple[np.ndarray, ...]:
     """Samples and rates of the state, by reduced and by maximal coordinates: (2, ...) each."""
-    from rb_sim.mechanics.system import inside, rate
+    from rb_sim.mechanics.system import inside
+    from rb_sim.mechanics.systems.one_body import rate
     from tests.numbers import rate_at
 
     reduced, maximal = compiled_both(mapping)

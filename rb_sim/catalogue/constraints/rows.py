@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from rb_sim.catalogue.curves import curve_nearest, curve_point
 from rb_sim.catalogue.spec import Quaternion, Vec3
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -58,7 +58,6 @@ ANGLES: set[type] = set()
 """Row classes whose errors and rates are angles, not lengths."""
 
 
-@inline
 def put(G, k, force, torque_B, torque_A, bias, error, rate, holonomic):
     """Write row k of G: force direction (world) on the body, its opposite on the parent, both
     torques."""
@@ -73,7 +72,6 @@ def put(G, k, force, torque_B, torque_A, bias, error, rate, holonomic):
     G[k, HOLONOMIC] = holonomic
 
 
-@inline
 def material_point(S, r):
     """World position, velocity and velocity-dependent acceleration of the point r of a body."""
     w_r = cross(S.w_WB_B, r)
@@ -84,7 +82,6 @@ def material_point(S, r):
     )
 
 
-@inline
 def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
     """Write the row d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that
     frame.
@@ -99,7 +96,6 @@ def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
     put(G, k, d, turn_B, turn_A, bias, error, 0.0, holonomic)
 
 
-@inline
 def relative_motion(B, A, r_B):
     """(p, c, rho, v_rel, spin_A) of the body's point r_B, world axes, as `put_along` takes them."""
     p, v, c = material_point(B, r_B)
@@ -108,7 +104,6 @@ def relative_motion(B, A, r_B):
     return p, c, rho, sub(v, add(A.v_WC, cross(spin_A, rho))), spin_A
 
 
-@inline
 def hold_along(row, B, A, G, k, directions):
     """Rows from k on that keep r_B at r_A along each of these directions of the parent."""
     p, c, rho, v_rel, spin_A = relative_motion(B, A, row.r_B)
@@ -196,7 +191,6 @@ def fill_plane(row, t, B, A, G, k):
     hold_along(row, B, A, G, k, (row.n_A,))
 
 
-@inline
 def put_normal(G, k, b, a, B, A):
     """Write the row b . a = 0, b fixed in the body and a in the parent, both given in world
     axes."""

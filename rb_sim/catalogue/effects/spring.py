@@ -23,7 +23,6 @@ from typing import ClassVar, Literal, NamedTuple
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.spec import Name, NonNegative, Place, Spec, Vec3, Vector3, potential, wrench
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import ZERO, add, cross, dot, norm, rotate, scale, sub, unrotate
 
 
@@ -112,7 +111,6 @@ class BushingDamperRow(NamedTuple):
     damping: float
 
 
-@inline
 def separation(row, B, A):
     """Vector from the parent's point to the body's point, world axes [m]."""
     return sub(
@@ -121,7 +119,6 @@ def separation(row, B, A):
     )
 
 
-@inline
 def separation_rate(row, B, A):
     """Rate of `separation`: the difference of the two material points' velocities, world axes
     [m/s]."""
@@ -131,7 +128,6 @@ def separation_rate(row, B, A):
     )
 
 
-@inline
 def velocity_past_parent(row, B, A):
     """Velocity of the body's point relative to the parent's material point at the same place, world
     axes [m/s]."""
@@ -141,7 +137,6 @@ def velocity_past_parent(row, B, A):
     return sub(own, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), arm)))
 
 
-@inline
 def at_point(row, B, f):
     """The wrench of a force f (world) that acts at r_B."""
     return f, cross(row.r_B, unrotate(B.q_WB, f))

@@ -35,7 +35,6 @@ from rb_sim.catalogue.spec import (
     potential,
     wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -108,7 +107,6 @@ class TorsionDamperRow(NamedTuple):
     damping: float
 
 
-@inline
 def twist(row, B, A):
     """(twist angle including whole turns [rad], these turns [rad], gradient of the angle, body
     axes)."""

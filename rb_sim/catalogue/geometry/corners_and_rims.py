@@ -32,7 +32,7 @@ from rb_sim.catalogue.geometry.smooth_surfaces import FLAT
 from rb_sim.catalogue.geometry.solids import Box, Cylinder, about_axis, direction_rate, nearest
 from rb_sim.catalogue.spec import Vec3
 from rb_sim.graph.symbols import External, call, maximum, where
-from rb_sim.numerics.kernels import dispatch, inline, routine
+from rb_sim.numerics.kernels import dispatch, routine
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -98,7 +98,6 @@ UPRIGHT = Lean(ZERO, ZERO, 1.0)
 """Lean of a rim without a history."""
 
 
-@inline
 def keeps_low(tilt, before):
     """True if the lowest point stays that of the step before: the rim was flat, or is becoming
     flat."""
@@ -106,7 +105,6 @@ def keeps_low(tilt, before):
     return abs(before.sense) == SLAMS or tilt < lost
 
 
-@inline
 def lean_of(pair, gamma, axis, before):
     """The Lean for the plane normal gamma (body axes), given the Lean at the start of the step."""
     k = pair.axis_B
@@ -128,7 +126,6 @@ def lean_of(pair, gamma, axis, before):
     return Lean(scale(sense, low), axis, sense * (1.0 - pair.alone) if sense < 0.0 else 1.0)
 
 
-@inline
 def rim_touching(pair, B, A, before):
     """(ContactPoint, Lean) of a rim point on a plane, given the Lean at the start of the step."""
     n, n_dot = carried_direction(A, pair.n_A)
@@ -202,13 +199,11 @@ class RimOnCylinder(NamedTuple):
     """0: the first point of the rim, 1: the second."""
 
 
-@inline
 def slope_of(p, q, w, a):
     """Derivative of p cos a + q sin a + w cos^2 a by a."""
     return q * math.cos(a) - p * math.sin(a) - w * math.sin(2.0 * a)
 
 
-@inline
 def highest(p, q, w):
     """(angle, 1) of the local maximum of p cos a + q sin a + w cos^2 a with |a| <= pi/2 [rad]; (0,
     0) if there is none.
@@ -242,7 +237,6 @@ def highest(p, q, w):
     return a, 1.0
 
 
-@inline
 def half_of(p, w, before, flies, there):
     """The half of the rim, +1 or -1, of the first point; there: 1 if both halves have a point."""
     nearer = 1.0 if p >= 0.0 else -1.0
@@ -253,7 +247,6 @@ def half_of(p, w, before, flies, there):
     return before
 
 
-@inline
 def point_of_rim(second, before, flies, side, away, axis, radius, e):
     """(unit vector from the rim's centre to the point, half of the first point, 1 if the point
     exists), world axes.
@@ -338,7 +331,6 @@ def rim_on_cylinder_touching(
     return touch, Lean((half, 0.0, 0.0), ZERO, where(there > 0.5, held, ABSENT))
 
 
-@inline
 def across_axis(A, axis_A, a, a_dot):
     """Component of `a` normal to the support's axis, and its rate."""
     e, e_dot = carried_direction(A, axis_A)

@@ -29,7 +29,7 @@ from rb_sim.catalogue.geometry.smooth_surfaces import (
 )
 from rb_sim.catalogue.spec import Vec3
 from rb_sim.graph.symbols import External, call, graph_of
-from rb_sim.numerics.kernels import inline, routine
+from rb_sim.numerics.kernels import routine
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -70,33 +70,28 @@ class SurfaceOnCylinder(NamedTuple):
     side: float
 
 
-@inline
 def moved(surface, q, n, turn):
     """Change of the surface point with inward normal n (world) if n changes by `turn`, world."""
     return rotate(q, support_rate(surface, unrotate(q, n), unrotate(q, turn)))
 
 
-@inline
 def normalised(a):
     """a/|a|; a may not be zero."""
     return scale(1.0 / norm(a), a)
 
 
-@inline
 def slopes(surface, q, n, t1, t2, reach):
     """d(t_i . (p - c)) per rotation of n towards t_j, as (11, 12, 21, 22); reach = n . (p - c)."""
     a, b = moved(surface, q, n, t1), moved(surface, q, n, t2)
     return dot(t1, a) - reach, dot(t1, b), dot(t2, a), dot(t2, b) - reach
 
 
-@inline
 def solved(m, x, y):
     """Solution (u, v) of the 2 x 2 system m (u, v) = (x, y)."""
     determinant = m[0] * m[3] - m[1] * m[2]
     return (m[3] * x - m[1] * y) / determinant, (m[0] * y - m[2] * x) / determinant
 
 
-@inline
 def limited(u, v):
     """(u, v) shortened to a rotation of LARGEST_TURN [rad]."""
     size = (u * u + v * v) ** 0.5
@@ -104,7 +99,6 @@ def limited(u, v):
     return s * u, s * v
 
 
-@inline
 def normal_on_sphere(surface, side, p_WC, q, c):
     """The normal n for which the surface point p(n) lies on the line through c along n."""
     n = scale(side, normalised(sub(p_WC, c)))
@@ -120,7 +114,6 @@ def normal_on_sphere(surface, side, p_WC, q, c):
     return n
 
 
-@inline
 def normal_on_cylinder(surface, side, p_WC, q, c, e):
     """The normal n for which p(n) lies on the line along n through the axis e (through c)."""
     away = sub(p_WC, c)
@@ -136,25 +129,21 @@ def normal_on_cylinder(surface, side, p_WC, q, c, e):
     return n
 
 
-@inline
 def three(a, i):
     """Three consecutive arguments of a routine, from index i on."""
     return (a[i], a[i + 1], a[i + 2])
 
 
-@inline
 def ellipsoid(a):
     """The ellipsoid in a routine's arguments: centre and semi-axes from index 11 on."""
     return EllipsoidSurface(three(a, 11), three(a, 14))
 
 
-@inline
 def rim(a):
     """The rim in a routine's arguments: centre, radius and axis from index 11 on."""
     return LyingRimSurface(three(a, 11), a[14], three(a, 15))
 
 
-@inline
 def normal_for(surface, side, p_WC, q, c, axis):
     """The normal on a cylinder with this axis through c, or on a sphere if the axis is zero."""
     if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
@@ -162,7 +151,6 @@ def normal_for(surface, side, p_WC, q, c, axis):
     return normal_on_cylinder(surface, side, p_WC, q, c, axis)
 
 
-@inline
 def normal_by(surface, a, axis):
     """The normal for the first 11 numbers of `a`: side, p, q, c."""
     return normal_for(surface, a[0], three(a, 1), (a[4], a[5], a[6], a[7]), three(a, 8), axis)

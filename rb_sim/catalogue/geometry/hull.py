@@ -39,19 +39,16 @@ class Hull(NamedTuple):
     """distance of the farthest point from C [m]."""
 
 
-@inline
 def triple(table, i, at):
     """Three numbers of row i of a table from column `at` on."""
     return (table[i, at], table[i, at + 1], table[i, at + 2])
 
 
-@inline
 def height(planes, i, x):
     """Signed distance of x from the plane of face i, positive outside [m]."""
     return dot(triple(planes, i, 0), x) - planes[i, 3]
 
 
-@inline
 def highest_face(hull, x):
     """(height, index) of the face whose plane x is highest above; index -1 if there are no faces.
 
@@ -65,7 +62,6 @@ def highest_face(hull, x):
     return best, face
 
 
-@inline
 def is_over(hull, face, x):
     """Whether the projection of x on the plane of the face lies in the face."""
     for i in range(hull.first[face], hull.first[face + 1]):

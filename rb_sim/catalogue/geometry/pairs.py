@@ -23,7 +23,7 @@ from typing import NamedTuple
 from rb_sim.catalogue.geometry.smooth_surfaces import support, support_rate
 from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest
 from rb_sim.catalogue.spec import BodyState, Vec3
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import (
     add,
     cos,
@@ -127,7 +127,6 @@ def touching(pair, B, A):
     """The ContactPoint of a body in state B with a support in state A."""
 
 
-@inline
 def carried_point(S, r):
     """World position and velocity of the body-fixed point r."""
     return (
@@ -136,7 +135,6 @@ def carried_point(S, r):
     )
 
 
-@inline
 def carried_direction(S, a):
     """World components of the body-fixed direction a, and their rate."""
     d = rotate(S.q_WB, a)
@@ -183,7 +181,6 @@ def surface_on_plane(pair, B, A):
     return ContactPoint(dot(n, sub(p, on)), n, n_dot, p, p_dot)
 
 
-@inline
 def ball_on_round(centre, velocity, radius, away, away_rate, curved, side, spare):
     """ContactPoint of a ball at `centre` with a round support; away: from the support's middle to
     `centre`.
@@ -246,7 +243,6 @@ def ball_on_cylinder(pair, B, A):
     return ball_on_round(c, v, pair.radius, away, away_dot, pair.curved, pair.side, across)
 
 
-@inline
 def into_solid(S, c, v):
     """Position and velocity of the world point c (velocity v) relative to a solid of state S, in
     the axes of the solid."""
@@ -254,7 +250,6 @@ def into_solid(S, c, v):
     return unrotate(S.q_WB, far), unrotate(S.q_WB, sub(sub(v, S.v_WC), cross(spin, far)))
 
 
-@inline
 def out_of_solid(S, u, u_dot):
     """World components of the direction u of a solid of state S, and of its rate; u_dot in its
     axes."""
@@ -262,7 +257,6 @@ def out_of_solid(S, u, u_dot):
     return n, add(rotate(S.q_WB, u_dot), turned)
 
 
-@inline
 def off_solid(surface, S, c, v):
     """(distance, its rate, direction n, its rate) of the world point c from a solid of state S.
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rb_sim.catalogue.spec import Vec3
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import add, dot, perpendicular, scale, sqrt, sub, where
 
 FLAT = 1e-10
@@ -102,7 +102,6 @@ def rim_support_rate(surface, gamma, gamma_dot):
     return scale(s, sub(u_dot, scale(dot(u, u_dot) / length2, u)))
 
 
-@inline
 def lies_flat(surface, gamma):
     """Whether gamma is along the rim's axis to within FLAT [rad]."""
     u = sub(gamma, scale(dot(gamma, surface.axis_B), surface.axis_B))

@@ -17,7 +17,7 @@ import numpy as np
 
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.spec import Vec3
-from rb_sim.numerics.kernels import branching, dispatch, inline
+from rb_sim.numerics.kernels import branching, dispatch
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -40,7 +40,6 @@ def nearest(solid, x, x_dot):
     """(distance of x from the surface, unit vector u away from it, rate of u)."""
 
 
-@inline
 def direction_rate(along, rate, length):
     """Rate of the unit vector `along` of a vector of this length with the given rate."""
     return scale(1.0 / length, sub(rate, scale(dot(along, rate), along)))
@@ -129,7 +128,6 @@ class Cylinder(NamedTuple):
     axis: Vec3
 
 
-@inline
 def about_axis(cylinder, x, x_dot):
     """Cylinder coordinates of a point x with velocity x_dot: (position along the axis from the
     middle, its rate, distance from the axis, radial unit vector, its rate)."""
@@ -186,7 +184,6 @@ FACE_FIRST = 1e-3
 be taken: nearly parallel edges lie close to the face, which has more contact points."""
 
 
-@inline
 def axes_of(q):
     """The three body axes of the orientation q, world."""
     return (
@@ -196,7 +193,6 @@ def axes_of(q):
     )
 
 
-@inline
 def reach_along(axes, half, n):
     """Half extent of a box along n."""
     return (
@@ -206,7 +202,6 @@ def reach_along(axes, half, n):
     )
 
 
-@inline
 def best_face(axes, half, other_axes, other_half, d):
     """(separation, axis, sign) of the face of the first box with the largest separation along d."""
     best, axis, sign = -1e300, 0, 1.0
@@ -218,7 +213,6 @@ def best_face(axes, half, other_axes, other_half, d):
     return best, axis, sign
 
 
-@inline
 def best_edges(axes_A, half_A, axes_B, half_B, d):
     """(separation, edge of A, edge of B, normal from A to B) of the edge pair with the largest
     one."""
@@ -236,7 +230,6 @@ def best_edges(axes_A, half_A, axes_B, half_B, d):
     return best, first, second, normal
 
 
-@inline
 def farthest(centre, axes, half, n):
     """The corner of a box that is farthest along n."""
     p = centre
@@ -245,7 +238,6 @@ def farthest(centre, axes, half, n):
     return p
 
 
-@inline
 def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart):
     """Write the contact point of two edges: the point of B's edge nearest to A's; returns 1."""
     p = farthest(c_A, axes_A, half_A, n)
@@ -258,7 +250,6 @@ def edge_points(points, c_A, axes_A, half_A, c_B, axes_B, half_B, i, j, n, apart
     return 1
 
 
-@inline
 def cut(polygon, count, out, n, height):
     """Clip a polygon (rows of points) to n . x <= height; returns the number of corners."""
     kept = 0
@@ -277,7 +268,6 @@ def cut(polygon, count, out, n, height):
     return kept
 
 
-@inline
 def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_I):
     """Corners of the other box's (I) face, clipped to the prism over a face of the first box.
 
@@ -312,7 +302,6 @@ def face_points(points, workspace, c, axes, half, axis, sign, c_I, axes_I, half_
     return count
 
 
-@inline
 def boxes_touching(points, workspace, q_A, c_A, half_A, q_B, c_B, half_B, reach):
     """(number of contact points, normal from A to B) of two boxes; none beyond the distance
     `reach`.

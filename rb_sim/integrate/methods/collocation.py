@@ -24,12 +24,11 @@ import numpy as np
 
 from rb_sim.base.rounding import TWO_ULPS
 from rb_sim.integrate.layout import AT, SLOPES, size_of
-from rb_sim.numerics.kernels import call_law, helper, part
+from rb_sim.numerics.kernels import call_law, part
 
 # Dense linear systems on flat vectors, real and complex: Gaussian elimination.
 
 
-@helper
 def factor(n, a, order):
     """L U factors of the rows of a (n * n numbers) in place; `order` stores the row exchanges."""
     for k in range(n):
@@ -50,7 +49,6 @@ def factor(n, a, order):
                     a[i * n + j] -= s * a[k * n + j]
 
 
-@helper
 def solve_factored(n, a, order, x):
     """Solve A x = b in place, with the factors of A from `factor`; x is b before."""
     for k in range(n):
@@ -69,7 +67,6 @@ def solve_factored(n, a, order, x):
         x[i] = s / a[i * n + i]
 
 
-@helper
 def factor_complex(n, re, im, order):
     """As `factor`, for the matrix re + i im."""
     for k in range(n):
@@ -97,7 +94,6 @@ def factor_complex(n, re, im, order):
                     im[i * n + j] -= a * d + b * c
 
 
-@helper
 def solve_complex(n, re, im, order, x, z):
     """As `solve_factored`, for the unknown x + i z."""
     for k in range(n):
@@ -146,7 +142,6 @@ MATRICES = SLOPES + 16
 """First of 3 n rows for the real matrix and both parts of the complex one."""
 
 
-@helper
 def factorise(jacobian, values, n, t, y, h, p, work):
     """Factorise the matrices values / h - df/dy of the step."""
     real, re, im = (
@@ -167,7 +162,6 @@ def factorise(jacobian, values, n, t, y, h, p, work):
     factor_complex(n, re, im, part(work, ORDER_2 * n))
 
 
-@helper
 def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
     """One iteration of Newton's method; returns the largest relative change of a stage."""
     at, f, w, z = part(work, AT * n), part(work, F * n), part(work, W * n), part(work, Z * n)
@@ -210,7 +204,6 @@ def sweep(law, nodes, values, basis, inverse, n, t, y, h, p, work):
     return change
 
 
-@helper
 def find_stages(law, jacobian, nodes, values, basis, inverse, n, t, y, h, p, work, stalled):
     """The stages of a step, in rows Z of work; False if the iteration does not converge.
 

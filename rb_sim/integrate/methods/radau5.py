@@ -32,7 +32,7 @@ from rb_sim.integrate.methods.collocation import (
     solve_factored,
     transformed,
 )
-from rb_sim.numerics.kernels import call_law, helper, part, step
+from rb_sim.numerics.kernels import call_law, part, step
 
 # Radau IIA of order 5 with three stages: L-stable, so that decayed components do not limit the
 # step.
@@ -72,7 +72,6 @@ def radau5_of_slips(law, jacobian, n, t, y, h, p, dy, work):
     return radau(law, jacobian, n, t, y, h, p, dy, work, SLIPS_STALLED)
 
 
-@helper
 def radau(law, jacobian, n, t, y, h, p, dy, work, stalled):
     """Write one step into dy; returns its error. stalled: as in `find_stages`."""
     if not find_stages(law, jacobian, C, VALUES, BASIS, INVERSE, n, t, y, h, p, work, stalled):

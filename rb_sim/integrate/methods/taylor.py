@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.integrate.layout import DY, size_of
-from rb_sim.numerics.kernels import SeriesStep, call_law, helper, part
+from rb_sim.numerics.kernels import SeriesStep, call_law, part
 
 # Steps along the Taylor series of the motion: their length, and the state at their end.
 #
@@ -68,7 +68,6 @@ NOISE = 1e-13
 """Error of the slope, relative to the slope itself, that is only rounding."""
 
 
-@helper
 def variables(begin, sizes, n, t, y, p, workspace):
     """The variables with a series, at the start of a step."""
     if not begin:
@@ -80,7 +79,6 @@ def variables(begin, sizes, n, t, y, p, workspace):
     return part(at, n)
 
 
-@helper
 def of_coordinates(end, sizes, n, t, p, workspace, work):
     """Replace the change of the variables, in DY, by that of the coordinates."""
     if not end:
@@ -91,7 +89,6 @@ def of_coordinates(end, sizes, n, t, p, workspace, work):
     call_law(end, t, at, p, dy)
 
 
-@helper
 def of_variable(own, n, y, work, m):
     """Scale to which the error of variable m is relative.
 
@@ -100,7 +97,6 @@ def of_variable(own, n, y, work, m):
     return max(1.0, abs(y[m])) if own else size_of(n, y, work, m)
 
 
-@helper
 def longest(own, sizes, setting_tolerance, largest, n, y, workspace, work):
     """Step for which the last two terms are within the tolerance [s]; NaN if they are not
     finite."""
@@ -125,13 +121,11 @@ def longest(own, sizes, setting_tolerance, largest, n, y, workspace, work):
     return min(largest, math.exp(exponent)) if exponent < MOST_EXPONENT else largest
 
 
-@helper
 def evaluate(add, sizes, h, workspace, dy):
     """Write y(h) - y(0) of the variables into dy, followed by dy/dt(h)."""
     call_law(add, h, part(workspace, sizes[COORDINATES_AT]), workspace, dy)
 
 
-@helper
 def event(sizes, h, i, workspace):
     """Value of the event function i after h; its coefficients follow those of the variables."""
     value = 0.0
@@ -141,7 +135,6 @@ def event(sizes, h, i, workspace):
     return workspace[sizes[EVENTS_AT] + i] + value
 
 
-@helper
 def bend(sizes, h, i, workspace):
     """Upper bound of h^2 |e''| of the event function i within the step h: sum of absolute terms."""
     value = 0.0
@@ -151,7 +144,6 @@ def bend(sizes, h, i, workspace):
     return h * value
 
 
-@helper
 def leaving(sizes, h, i, workspace):
     """Part of h after which the event function i, zero at the start, exceeds rounding."""
     while abs(event(sizes, 0.5 * h, i, workspace)) > SUM_ROUNDING:
@@ -159,7 +151,6 @@ def leaving(sizes, h, i, workspace):
     return h
 
 
-@helper
 def before_events(sizes, h, workspace):
     """Part of h [s] without a sign change of an event; a root may change sign in its last part.
 
@@ -192,7 +183,6 @@ def before_events(sizes, h, workspace):
     return free
 
 
-@helper
 def agrees(own, rate, tolerance, sizes, n, t, h, y, p, work):
     """Whether the slope of the series at the end t of a step equals dy/dt there; y: the variables.
 

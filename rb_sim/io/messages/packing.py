@@ -31,7 +31,7 @@ from rb_sim.mechanics.samples import (
     row_width,
     rows_of,
 )
-from rb_sim.numerics.kernels import helper, loop
+from rb_sim.numerics.kernels import loop
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 # Compiled kernels.
 
 
-@helper
 def pack_row(
     row, command, centers, linear, energy, source, numbers, chosen, doubles, stamps, whole, rest
 ):

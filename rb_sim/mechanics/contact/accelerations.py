@@ -70,7 +70,7 @@ from rb_sim.mechanics.systems.multibody import (
     row_times_response,
 )
 from rb_sim.mechanics.systems.multibody import inverse_mass_times as inverse_mass_row
-from rb_sim.numerics.kernels import call_law, dispatch, inline, pointer
+from rb_sim.numerics.kernels import call_law, dispatch, pointer
 from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
 from rb_sim.numerics.rank import RANK_TOLERANCE
 from rb_sim.numerics.vectors import dot, neg, norm, rotate, scale, sub
@@ -95,19 +95,16 @@ BEGUN, NEVER = 1e-3, 1e-300
 bound [m/s] below which such a slip may come to rest, so small that it does not."""
 
 
-@inline
 def slides_with_friction(table, c):
     """True of a contact that slips against Coulomb's friction."""
     return table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING and table[c, STATIC] > 0.0
 
 
-@inline
 def slides_on_compliant(table, c):
     """True of one that rubs and gives way."""
     return slides_with_friction(table, c) and table[c, COMPLIANT] == 1.0
 
 
-@inline
 def note_creep(system, c):
     """Whether contact c creeps in the next step; after its directions have been noted."""
     table, creep = system.contact_table, system.creep
@@ -125,7 +122,6 @@ def note_creep(system, c):
     table[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP], table[c, EVENT_RATES_BEFORE + AT_SLIP] = FREE, 0.0
 
 
-@inline
 def fastest_creep(system):
     """(fastest slip of the contacts that creep, the least below which one may come to rest, the
     first of them; -1: none creeps)."""
@@ -138,7 +134,6 @@ def fastest_creep(system):
     return most, bound, first
 
 
-@inline
 def add_direct(system, y):
     """Add the forces of the contacts that do not wait for N to the loads."""
     table = system.contact_table
@@ -155,7 +150,6 @@ def add_direct(system, y):
             add_load(system.bodies, a, neg(f), neg(torque_of(A, sub(p, A.p_WC), f, m)))
 
 
-@inline
 def response_of(system, i, j, column):
     """M_i^-1 of the force of row j on body i, whose columns start at `column`."""
     force = scale(1.0 / system.bodies[i, 0], vec(system.force_rows, j, column))
@@ -169,7 +163,6 @@ def response_of(system, i, j, column):
     return force, turn
 
 
-@inline
 def find_holding(system, dependent):
     """Number the rows that hold, those that are not zero; returns how many there are.
 
@@ -188,7 +181,6 @@ def find_holding(system, dependent):
     return holding
 
 
-@inline
 def fill_slipping_matrix(system, holding):
     """A = G M^-1 W^T of the rows that hold."""
     row_table = system.row_table
@@ -204,7 +196,6 @@ def fill_slipping_matrix(system, holding):
             system.delassus[0, m, n] = rise_of(system, i, b, a, (fb, kb), (fa, ka))
 
 
-@inline
 def spread_multipliers(system, holding):
     """From the rows that hold, in order, to all rows; the others are zero."""
     x = system.vectors[MULTIPLIERS]
@@ -216,7 +207,6 @@ def spread_multipliers(system, holding):
         x[system.row_table[m, ACTIVE]] = value
 
 
-@inline
 def joints_share(system, joints, at, column):
     """What the joints take of the rise at contact row `at` (counted among those that hold) per
     unit of force: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the force along the row
@@ -232,7 +222,6 @@ def joints_share(system, joints, at, column):
     return share
 
 
-@inline
 def pivots(system, holding):
     """N of every contact, and the effective over the ideal pivot of those that slip, joints
     holding, into the table of contacts.
@@ -267,7 +256,6 @@ def pivots(system, holding):
             table[c, PIVOT] = effective / ideal
 
 
-@inline
 def note_sizes(system):
     """Sizes of the accelerations from the loads alone, in place of the loads."""
     for i in range(system.bodies.shape[0]):
@@ -275,7 +263,6 @@ def note_sizes(system):
             system.bodies[i, LOAD + j] = abs(system.bodies[i, RESPONSE + j])
 
 
-@inline
 def add_term(bodies, i, force, turn, x):
     """response += x (force, turn), and the sizes of these terms to the others."""
     add_response(bodies, i, force, turn, x)
@@ -284,7 +271,6 @@ def add_term(bodies, i, force, turn, x):
         bodies[i, LOAD + 3 + j] += abs(x * turn[j])
 
 
-@inline
 def drop_rounding(system):
     """An acceleration that is but the rounding of its terms is none: what rests does not creep."""
     bodies = system.bodies
@@ -307,7 +293,6 @@ def unconstrained_here(system, t, y):
     unconstrained_in(system, t, y, True)
 
 
-@inline
 def unconstrained_in(system, t, y, everywhere):
     """As `unconstrained`; everywhere: as in `write_all_rows`."""
     clear_loads(system)
@@ -323,7 +308,6 @@ power of 2, small since joints carry what they must. Else a pad on a guide would
 edge to spare the guide a torque."""
 
 
-@inline
 def least_reactions(system, rank, holding):
     """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep; joints
     count by OF_JOINTS."""
@@ -427,7 +411,6 @@ def accelerations_in(system, t, y, everywhere):
     return rank, holding
 
 
-@inline
 def power_of_contacts(system, y):
     """Power of all contacts on the bodies [W]: friction, dampers, driven supports."""
     power = 0.0

@@ -59,7 +59,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     vec,
 )
 from rb_sim.mechanics.systems.multibody import write_rows
-from rb_sim.numerics.kernels import call_law, dispatch, inline, part, pointer
+from rb_sim.numerics.kernels import call_law, dispatch, part, pointer
 from rb_sim.numerics.vectors import norm
 
 # Bodies in contact as loops see them: tables by address, and what the traced laws read and write.
@@ -124,7 +124,6 @@ LAYOUT = Layout(
 laws of the scene; functions compiled once (see compiled)."""
 
 
-@inline
 def clear_contact(G, W, k, last, table, c):
     """No rows and no forces of a contact that is open."""
     for i in range(k, last):
@@ -137,7 +136,6 @@ def clear_contact(G, W, k, last, table, c):
     table[c, NORMAL_FORCE] = 0.0
 
 
-@inline
 def put_geometry(table, c, out):
     """Into the table of contacts what is known of an open contact as well."""
     for j in range(GEOMETRY_WIDTH):
@@ -149,7 +147,6 @@ def put_geometry(table, c, out):
         table[c, AROUND] = out[GEOMETRY - 1]
 
 
-@inline
 def put_forces(system, c, out):
     """Rows, force directions and forces of a closed contact into the tables."""
     first, last = first_row_of(system, c), first_row_of(system, c + 1)
@@ -196,7 +193,6 @@ def write_contact(placed, t, system, y, c):
     put_forces(system, c, list(leaves((found, done))))
 
 
-@inline
 def put_arguments(system, y, c, out):
     """What the law of contact c gets, see layout."""
     table = system.contact_table
@@ -217,7 +213,6 @@ def put_arguments(system, y, c, out):
     )
 
 
-@inline
 def write_contact_by_law(system, t, y, c):
     """As write_contact, in loops."""
     arguments = pointer(system.workspace)
@@ -235,7 +230,6 @@ def write_contact_by_law(system, t, y, c):
         put_forces(system, c, out)
 
 
-@inline
 def traction_at(law, slip, constants, work):
     """(|T| over N, |T| without N [N]) that a law of traction gives at a slip [m/s]; work: 9
     numbers."""
@@ -331,7 +325,6 @@ def write_contact_rows(system, t, y):
     write_all_rows(system, t, y, True)
 
 
-@inline
 def copy_joint_rows(system):
     """A joint pushes along the row that it enforces."""
     for k in range(first_row_of(system, 0)):

@@ -24,7 +24,6 @@ import numpy as np
 from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.mechanics.system import EVENT_DRIVEN
 from rb_sim.mechanics.systems.many_bodies import ROW_TABLE_COLUMNS
-from rb_sim.numerics.kernels import inline
 
 # The table of contacts, `ContactBodies.contact_table`: a row for each point, its columns by name.
 #
@@ -259,26 +258,22 @@ where the stages of a step are, such a row contradicts the others.  CHANGING: th
 where a step begins (see choice)."""
 
 
-@inline
 def keep(table, c, at, a):
     """Write a vector into the table of contacts: row c, from column `at` on."""
     for j in range(3):
         table[c, at + j] = a[j]
 
 
-@inline
 def may_creep(system, c):
     """True where slow slips of contact c are followed, and creep in the end."""
     return system.contact_table[c, COMPLIANT] == 1.0 and system.creep > 0.0
 
 
-@inline
 def least_slip(system, c):
     """Slip of contact c below which its direction is not followed [m/s]."""
     return system.creep if may_creep(system, c) else system.velocity_tolerance
 
 
-@inline
 def first_row_of(system, c):
     """First row of contact c."""
     return system.first_row[system.joints + c]

@@ -30,7 +30,6 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
 )
 from rb_sim.catalogue.geometry.pairs import ContactPoint, carrier, touching
 from rb_sim.catalogue.spec import BodyState, Vec3
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
@@ -119,13 +118,11 @@ class _Moving(NamedTuple):
     moved: Vec3
 
 
-@inline
 def velocity_at(B, r):
     """Velocity of the point of a body at the arm r from C, world axes [m/s]."""
     return add(B.v_WC, cross(rotate(B.q_WB, B.w_WB_B), r))
 
 
-@inline
 def torque_of(B, r, force, moment):
     """Torque about C, body axes, of a force at the arm r and a moment, world axes [N m]."""
     return unrotate(B.q_WB, add(moment, cross(r, force)))

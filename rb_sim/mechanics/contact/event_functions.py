@@ -85,7 +85,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.mechanics.systems.multibody import put_rates
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import add, cross, dot, norm, scale, sub
 
 # Rims that are held at a point, nearly lie flat, and do not: how far a step may go with them.
@@ -117,7 +116,6 @@ STRAIGHT = 0.99995
 """Cosine of the angle between where a rim leans and where it goes from which on it is straight."""
 
 
-@inline
 def is_held(table, c):
     """True if a point of the rim that contact c is a point of is held."""
     for other in range(table.shape[0]):
@@ -126,7 +124,6 @@ def is_held(table, c):
     return False
 
 
-@inline
 def note_lean(table, c):
     """How a rim leans, and goes on; one that nothing holds has no point to keep."""
     for i in range(LEAN_WIDTH):
@@ -150,7 +147,6 @@ def note_lean(table, c):
         table[c, LEAN_BEFORE + 6] = side * SLAMS
 
 
-@inline
 def lean_rate(table, c):
     """Rate [rad/s] of the axis of a rim across the normal, as its support sees it."""
     lean, n = vec(table, c, AXIS), vec(table, c, NORMAL)
@@ -159,7 +155,6 @@ def lean_rate(table, c):
     return sub(rate, scale(dot(rate, n), n))
 
 
-@inline
 def lean_has_turned(table, c):
     """True if the low point of the rim has gone too far round it in the step."""
     lean, before = vec(table, c, AXIS), vec(table, c, LEAN_BEFORE + 3)
@@ -169,7 +164,6 @@ def lean_has_turned(table, c):
     return dot(lean, before) < TURNED * least * most
 
 
-@inline
 def end_for_rims(system, t0, t1):
     """Where the step from t0 to t1 has to end, at the latest, for rims that are held; the tables
     are those of t1."""
@@ -180,7 +174,6 @@ def end_for_rims(system, t0, t1):
     return end
 
 
-@inline
 def before_swing(method, system, t0, t1):
     """Where the step from t0 to t1 has to end, at the latest, if its length is fixed, for rims that
     are held and whose low point would go far round in it."""
@@ -195,7 +188,6 @@ def before_swing(method, system, t0, t1):
     return end
 
 
-@inline
 def step_of_swings(system):
     """A length of step that follows each rim that is held and hardly misses flat, however fast its
     low point goes round it; 0 without one.  All that shorter steps would follow is how rounding
@@ -207,7 +199,6 @@ def step_of_swings(system):
     return PART * least if least < FREE else 0.0
 
 
-@inline
 def turned_by_rounding(table, c):
     """Angle [rad] by which rounding turns the lean of the rim of contact c at the start of the
     step, while its low point goes round; 0 of others."""
@@ -215,19 +206,16 @@ def turned_by_rounding(table, c):
     return TWO_ULPS / norm(vec(table, c, LEAN_BEFORE + 3)) if goes else 0.0
 
 
-@inline
 def natural_force(system):
     """Unit of force of the scene, m v^2 / l, of its mass, speed and length [N]."""
     return system.mass * system.speed * system.speed / system.length
 
 
-@inline
 def natural_turning(system):
     """Unit of angular velocity for rolling and spinning: v / l over SHARP [rad/s]."""
     return system.speed / system.length / SHARP
 
 
-@inline
 def approach(system, c):
     """Event function of an open contact: positive while it does not touch, and as large as the gap,
     by which a look inside a step tells how far it may be off.
@@ -244,13 +232,11 @@ def approach(system, c):
     return level
 
 
-@inline
 def slip_level(system, c, slip):
     """Event function of a slipping contact: its slip along the direction of before."""
     return SHARP * dot(slip, vec(system.contact_table, c, SLIP_DIRECTION)) / system.speed
 
 
-@inline
 def rolling(table, c):
     """Relative angular velocity across the normal: that about it, which the normal takes along as
     it turns, is no rolling."""
@@ -258,20 +244,17 @@ def rolling(table, c):
     return sub(turn, scale(dot(turn, n), n))
 
 
-@inline
 def roll_level(system, c, roll):
     """Event function of rolling that slides: its rate along the direction of before."""
     return dot(roll, vec(system.contact_table, c, ROLL_DIRECTION)) / natural_turning(system)
 
 
-@inline
 def tail(system, k):
     """Size of the multipliers of rows k and k + 1."""
     x, z = system.vectors[MULTIPLIERS, k], system.vectors[MULTIPLIERS, k + 1]
     return (x * x + z * z) ** 0.5
 
 
-@inline
 def normal_force_events(system, c):
     """Event functions of the normal force and of the friction of a closed contact."""
     table, k, force = system.contact_table, first_row_of(system, c), natural_force(system)
@@ -305,7 +288,6 @@ def normal_force_events(system, c):
         table[c, EVENT_FUNCTIONS + AT_SPIN] = about / natural_turning(system)
 
 
-@inline
 def event_of(table, c, i):
     """The kind of event at which the i-th event function of contact c vanishes."""
     if i == 0:
@@ -319,7 +301,6 @@ def event_of(table, c, i):
     return JAMS
 
 
-@inline
 def lowest_level(system):
     """(lowest, code) over all event functions, which are written into the table of contacts.
 
@@ -344,13 +325,11 @@ def lowest_level(system):
     return lowest, code
 
 
-@inline
 def in_rigid_flight(table, c):
     """Whether contact c is open and rigid: an impact ends that."""
     return table[c, CLOSED] == 0.0 and table[c, COMPLIANT] == 0.0
 
 
-@inline
 def level_rates(system, t, y):
     """Rates of the event functions at (t, y), shape (contacts, EVENT_FUNCTION_KINDS).
 

@@ -64,7 +64,7 @@ from rb_sim.mechanics.systems.multibody import (
     rise_of,
     row_velocity,
 )
-from rb_sim.numerics.kernels import call_law, inline, pointer
+from rb_sim.numerics.kernels import call_law, pointer
 from rb_sim.numerics.linear_solves import solve_semidefinite
 from rb_sim.numerics.vectors import add, cross, rotate, scale, sub
 
@@ -74,7 +74,6 @@ from rb_sim.numerics.vectors import add, cross, rotate, scale, sub
 # that carries them along costs as if they were not.
 
 
-@inline
 def fill_symmetric(system, holding, holonomic_only):
     """A = G M^-1 G^T of the rows that hold; with holonomic_only the other rows become those of
     the identity."""
@@ -95,7 +94,6 @@ def fill_symmetric(system, holding, holonomic_only):
             system.delassus[0, n, m] = s
 
 
-@inline
 def response_of_rows(system, holding, holonomic_only):
     """response = M^-1 G^T x, with A x = the right side."""
     fill_symmetric(system, holding, holonomic_only)
@@ -142,7 +140,6 @@ def correct_holding(way, t, y, holding):
     move_by_response(way.system, y)
 
 
-@inline
 def bring_positions(system, t, y):
     """y with g(q) = 0, in place; returns the largest error that it met last [m].
 
@@ -154,7 +151,6 @@ def bring_positions(system, t, y):
     return worst
 
 
-@inline
 def bring_to_manifold(system, t, y):
     """y with unit quaternions and on the manifold, in place; position first, then velocity.
 
@@ -175,7 +171,6 @@ def bring_to_manifold(system, t, y):
     return y
 
 
-@inline
 def contact_rate(system, t, y, dy):
     """Velocities and accelerations of the bodies, and last the power of the contacts [W]."""
     moving(system, t, y, False)
@@ -196,7 +191,6 @@ def settle_by_address(system, t, y):
     return y
 
 
-@inline
 def reported_state(table, c):
     """Open, slip, or stick/roll."""
     if table[c, CLOSED] == 0.0:
@@ -206,7 +200,6 @@ def reported_state(table, c):
     return 1.0
 
 
-@inline
 def put_contact_reactions(system, y, out, first):
     """Reactions of constraints and contacts: force, torque about the anchor, anchor; world axes.
 
@@ -249,7 +242,6 @@ def put_contact_reactions(system, y, out, first):
     return at
 
 
-@inline
 def overlap(system):
     """Deepest overlap of a rigid contact that is open, relative to the scene's length."""
     table, deepest = system.contact_table, 0.0

@@ -29,7 +29,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     MultiBody,
 )
 from rb_sim.mechanics.systems.multibody import coupling, inverse_mass_times
-from rb_sim.numerics.kernels import inline, part, pointer, routine
+from rb_sim.numerics.kernels import part, pointer, routine
 from rb_sim.numerics.linear_solves import of_rank
 from rb_sim.numerics.rank import RANK_TOLERANCE, rank_of
 
@@ -404,7 +404,6 @@ def switch_off(matrix: Matrix, chosen: Mapping[int, Any]) -> None:
 # = A+ A. This part of a law pivots by value: it is compiled once and called by address.
 
 
-@inline
 def times(matrix, x, n, result):
     """A x for a vector x."""
     for i in range(n):

@@ -14,9 +14,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Symmetric, Vec3
-from rb_sim.mechanics.system import CONFIGURATION, inside, project, rate, sample
+from rb_sim.mechanics.system import project, sample
 from rb_sim.mechanics.systems.free import unit_if_needed
 from rb_sim.mechanics.systems.one_body import (
+    Dynamics,
+    Held,
+    about,
+    body_system,
+    dynamics,
     put_balance,
     put_reaction,
     put_state,
@@ -26,11 +31,9 @@ from rb_sim.mechanics.systems.one_body import (
     torque_about,
     total_wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
-    cos,
     cross,
     dot,
     gyroscopic,
@@ -38,7 +41,6 @@ from rb_sim.numerics.vectors import (
     quaternion_rate,
     rotate,
     scale,
-    sin,
     sub,
     symmetric_times,
 )
@@ -58,60 +60,30 @@ class FixedPointBody(NamedTuple):
     effects: tuple
 
 
-CONFIGURATION[FixedPointBody] = 4
-
-
-@inline
-def pivot_state(system, y):
-    """Pose and velocities of the body for y = (q, w_B)."""
-    q, w = (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6])
-    p = add(system.point, rotate(q, system.rho))
-    return BodyState(p, q, rotate(q, cross(w, system.rho)), w)
-
-
-@inline
-def pivot_spin_rate(system, t, B):
-    """Euler's equations about the fixed point: dw_B/dt, body axes [rad/s^2]."""
-    moment = torque_about(system.effects, t, system.body, B, system.rho)
-    return symmetric_times(system.inverse_O, sub(moment, gyroscopic(system.inertia_O, B.w_WB_B)))
-
-
-@inline
-def held_reaction(system, t, B, alpha):
-    """Reaction force and its torque about C (both world) of a body that turns about the point C -
-    rho."""
+def held_by(system, B, alpha, f, k):
+    """The Held of a body that turns about the point at C - rho."""
     w, rho = B.w_WB_B, system.rho
     a = rotate(B.q_WB, add(cross(alpha, rho), cross(w, cross(w, rho))))
+    return Held(a, alpha, f, k, system.point)
+
+
+@body_system(FixedPointBody, configuration=4)
+def pivot_dynamics(system, t, y):
+    """Euler's equations about the fixed point."""
+    q, w = (y[0], y[1], y[2], y[3]), (y[4], y[5], y[6])
+    p = add(system.point, rotate(q, system.rho))
+    B = BodyState(p, q, rotate(q, cross(w, system.rho)), w)
     f, k = total_wrench(system.effects, t, system.body, B)
-    return reaction_at_com(system.body, B, a, alpha, f, k)
-
-
-@rate.register(FixedPointBody)
-def pivot_rate(system, t, y):
-    """The rates of q and of w_B."""
-    B = pivot_state(system, y)
-    return quaternion_rate(B.q_WB, B.w_WB_B) + pivot_spin_rate(system, t, B)
+    moment = torque_about(B, system.rho, f, k)
+    alpha = symmetric_times(system.inverse_O, sub(moment, gyroscopic(system.inertia_O, w)))
+    rates = quaternion_rate(q, w) + alpha
+    return Dynamics(rates, B, quaternion_defect(q), held_by(system, B, alpha, f, k))
 
 
 @project.register(FixedPointBody)
 def pivot_settle(system, t, y):
     """y with the quaternion normalised."""
     return unit_if_needed(y[0:4]) + y[4:7]
-
-
-@sample.register(FixedPointBody)
-def pivot_sample(system, t, y, out):
-    """Write state, reaction about the fixed point, and balances."""
-    B = pivot_state(system, y)
-    force, torque_C = held_reaction(system, t, B, pivot_spin_rate(system, t, B))
-    i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
-    put_balance(out, i, system.effects, t, system.body, B, quaternion_defect(B.q_WB))
-
-
-@inside.register(FixedPointBody)
-def pivot_inside(system, y):
-    """True: the domain has no end."""
-    return True
 
 
 # A body on a fixed axis, with the reactions of its two bearings.
@@ -136,37 +108,16 @@ class FixedAxisBody(NamedTuple):
     effects: tuple
 
 
-CONFIGURATION[FixedAxisBody] = 1
-
-
-@inline
-def hinge_state(system, y):
-    """Pose and velocities of the body for y = (angle, rate)."""
-    half = 0.5 * y[0]
-    s, n = sin(half), system.axis_B
-    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
-    w = scale(y[1], n)
-    p = add(system.point, rotate(q, system.rho))
-    return BodyState(p, q, rotate(q, cross(w, system.rho)), w)
-
-
-@inline
-def hinge_angular_acceleration(system, t, B):
-    """Torque about the axis over the moment of inertia about it [rad/s^2]."""
-    moment = torque_about(system.effects, t, system.body, B, system.rho)
-    return system.inverse_J * dot(system.axis_B, moment)
-
-
-@rate.register(FixedAxisBody)
-def hinge_rate(system, t, y):
-    """Angular velocity and angular acceleration."""
-    return (y[1], hinge_angular_acceleration(system, t, hinge_state(system, y)))
-
-
-@project.register(FixedAxisBody)
-def hinge_settle(system, t, y):
-    """y itself: the two coordinates are independent."""
-    return y
+@body_system(FixedAxisBody, configuration=1)
+def hinge_dynamics(system, t, y):
+    """Angular acceleration: torque about the axis over the moment of inertia about it."""
+    n, rho = system.axis_B, system.rho
+    q, w = quaternion_product(system.q_0, about(n, y[0])), scale(y[1], n)
+    B = BodyState(add(system.point, rotate(q, rho)), q, rotate(q, cross(w, rho)), w)
+    f, k = total_wrench(system.effects, t, system.body, B)
+    acceleration = system.inverse_J * dot(n, torque_about(B, rho, f, k))
+    held = held_by(system, B, scale(acceleration, n), f, k)
+    return Dynamics((y[1], acceleration), B, 0.0, held)
 
 
 @sample.register(FixedAxisBody)
@@ -176,9 +127,9 @@ def hinge_sample(system, t, y, out):
     The transverse forces follow from the torque about A; the axial one is divided by
     `axial_share_A`.
     """
-    B = hinge_state(system, y)
-    alpha = scale(hinge_angular_acceleration(system, t, B), system.axis_B)
-    force, torque_C = held_reaction(system, t, B, alpha)
+    now = dynamics(system, t, y)
+    B = now.B
+    force, torque_C = reaction_at_com(system.body, B, now.held)
     n = rotate(B.q_WB, system.axis_B)
     torque_A = add(torque_C, cross(sub(B.p_WC, system.point), force))
     axial = dot(n, force)
@@ -190,10 +141,4 @@ def hinge_sample(system, t, y, out):
     i = put_reaction(out, put_state(out, B), B, force, torque_C, system.point)
     i = put_wrench(out, i, sub(force, force_B), ZERO, system.point)
     i = put_wrench(out, i, force_B, ZERO, far)
-    put_balance(out, i, system.effects, t, system.body, B, 0.0)
-
-
-@inside.register(FixedAxisBody)
-def hinge_inside(system, y):
-    """True: the domain has no end."""
-    return True
+    put_balance(out, i, system.effects, t, system.body, B, now.residual)

@@ -23,15 +23,14 @@ from rb_sim.catalogue.spec import (
     Symmetric,
     Vec3,
 )
-from rb_sim.mechanics.system import CONFIGURATION, STARTS, inside, project, rate, sample
-from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
+from rb_sim.mechanics.system import STARTS, project
+from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody, state_of
 from rb_sim.mechanics.systems.one_body import (
-    put_balance,
-    put_state,
+    Dynamics,
+    body_system,
     quaternion_defect,
     total_wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     ZERO,
     conjugate,
@@ -60,29 +59,18 @@ class FreeBody(NamedTuple):
     effects: tuple
 
 
-CONFIGURATION[FreeBody] = 7
-
-
-@inline
-def free_state(y):
-    """Pose and velocities of the body for y = (p_WC, q_WB, v_WC, w_WB_B)."""
-    return BodyState(
-        (y[0], y[1], y[2]), (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), (y[10], y[11], y[12])
-    )
-
-
-@rate.register(FreeBody)
-def free_rate(system, t, y):
+@body_system(FreeBody, configuration=7)
+def free_dynamics(system, t, y):
     """Newton's equations for the centre of mass and Euler's about it."""
-    B = free_state(y)
+    B = state_of(y, 0)
     f, k = total_wrench(system.effects, t, system.body, B)
     a = scale(1.0 / system.body.mass, f)
     moment = sub(k, gyroscopic(system.body.inertia, B.w_WB_B))
     alpha = symmetric_times(system.inverse_inertia, moment)
-    return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + a + alpha
+    rates = B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + a + alpha
+    return Dynamics(rates, B, quaternion_defect(B.q_WB))
 
 
-@inline
 def unit_if_needed(q):
     """q normalised if | |q|^2 - 1 | exceeds SMALL_DEFECT."""
     square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
@@ -94,20 +82,6 @@ def unit_if_needed(q):
 def free_settle(system, t, y):
     """y with the quaternion normalised."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
-
-
-@sample.register(FreeBody)
-def free_sample(system, t, y, out):
-    """Write state and balances; there is no reaction."""
-    B = free_state(y)
-    residual = quaternion_defect(B.q_WB)
-    put_balance(out, put_state(out, B), system.effects, t, system.body, B, residual)
-
-
-@inside.register(FreeBody)
-def free_inside(system, y):
-    """True: the domain has no end."""
-    return True
 
 
 # Body without torque about its centre of mass: Euler's equations in principal axes (LL 36, 37), I1
@@ -144,9 +118,6 @@ class FreeRotor(NamedTuple):
     effects: tuple
 
 
-CONFIGURATION[FreeRotor] = 7
-
-
 def start_rotor(system: FreeRotor, y: tuple[float, ...]) -> FreeRotor:
     """The system with the polhode through the angular velocity in y.
 
@@ -180,7 +151,6 @@ def with_polhode(system: FreeRotor, inputs: tuple) -> FreeRotor:
 CHANGING[FreeRotor] = Changing(8, polhode_inputs, with_polhode)
 
 
-@inline
 def polhode_of(weights, contrast, w):
     """sum weights contrast^n w^2 for n = 0, 1, 2."""
     a, b, c = weights[0] * w[0] * w[0], weights[1] * w[1] * w[1], weights[2] * w[2] * w[2]
@@ -188,7 +158,6 @@ def polhode_of(weights, contrast, w):
     return a + b + c, u + v + x, contrast[0] * u + contrast[1] * v + contrast[2] * x
 
 
-@inline
 def on_polhode(system, w):
     """The angular velocity after one Newton step onto the polhode, each component by its own
     factor.
@@ -213,44 +182,24 @@ def on_polhode(system, w):
     )
 
 
-@inline
-def rotor_state(y):
-    """The state with principal axes P in place of the body axes."""
-    return BodyState(
-        (y[0], y[1], y[2]), (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9]), (y[10], y[11], y[12])
-    )
-
-
-@rate.register(FreeRotor)
-def rotor_rate(system, t, y):
-    """Newton's equations, and Euler's equations without torque in principal axes."""
-    P, k = rotor_state(y), system.coupling
+@body_system(FreeRotor, configuration=7)
+def rotor_dynamics(system, t, y):
+    """Newton's equations, and Euler's without torque in principal axes P, which the state leaves
+    for body axes."""
+    P, k = state_of(y, 0), system.coupling
     f, _ = total_wrench(system.effects, t, system.body, P)
     a, w = scale(1.0 / system.body.mass, f), P.w_WB_B
     alpha = (k[0] * (w[1] * w[2]), k[1] * (w[2] * w[0]), k[2] * (w[0] * w[1]))
-    return P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
+    rates = P.v_WC + quaternion_rate(P.q_WB, w) + a + alpha
+    q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
+    B = P._replace(q_WB=q_WB, w_WB_B=rotate(system.q_BP, w))
+    return Dynamics(rates, B, quaternion_defect(P.q_WB))
 
 
 @project.register(FreeRotor)
 def rotor_settle(system, t, y):
     """y with the quaternion normalised and the angular velocity projected onto its polhode."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
-
-
-@sample.register(FreeRotor)
-def rotor_sample(system, t, y, out):
-    """Write state, rotated from principal to body axes, and balances."""
-    P = rotor_state(y)
-    q_WB = quaternion_product(P.q_WB, conjugate(system.q_BP))
-    B = BodyState(P.p_WC, q_WB, P.v_WC, rotate(system.q_BP, P.w_WB_B))
-    residual = quaternion_defect(P.q_WB)
-    put_balance(out, put_state(out, B), system.effects, t, system.body, B, residual)
-
-
-@inside.register(FreeRotor)
-def rotor_inside(system, y):
-    """True: the domain has no end."""
-    return True
 
 
 def free_rotor(

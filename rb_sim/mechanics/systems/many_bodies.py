@@ -23,7 +23,6 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import ANGLES, COUNT, anchor, fill
 from rb_sim.catalogue.spec import WORLD, BodyState, Inertial, potential, wrench
 from rb_sim.mechanics.inputs import CLEARED
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import add, cross, dot, rotate, scale, sub, unrotate
 
 WIDTH = 13
@@ -85,7 +84,6 @@ def without_work_space(system):
 CLEARED[MultiBody] = without_work_space
 
 
-@inline
 def state_of(y, i):
     """State of body i; that of the world for -1."""
     if i < 0:
@@ -99,25 +97,21 @@ def state_of(y, i):
     )
 
 
-@inline
 def vec(a, i, k):
     """Three numbers of row i of a table from column k on, as a tuple."""
     return (a[i, k], a[i, k + 1], a[i, k + 2])
 
 
-@inline
 def six(a, i, k):
     """Six numbers of row i of a table from column k on, as a tuple."""
     return (a[i, k], a[i, k + 1], a[i, k + 2], a[i, k + 3], a[i, k + 4], a[i, k + 5])
 
 
-@inline
 def inertial_of(system, i):
     """Mass and inertia of body i for effects; its origin is C."""
     return Inertial(system.bodies[i, MASS], six(system.bodies, i, INERTIA), (0.0, 0.0, 0.0))
 
 
-@inline
 def add_load(bodies, i, force, torque):
     """Add a force at C (world axes) and a torque (body axes) to the loads of body i."""
     for j in range(3):
@@ -125,7 +119,6 @@ def add_load(bodies, i, force, torque):
         bodies[i, LOAD + 3 + j] += torque[j]
 
 
-@inline
 def apply_one(placed, t, system, y):
     """Add the wrench of one effect to the load of its body, and the opposite to its parent."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
@@ -143,7 +136,6 @@ def apply_effects(effects, t, system, y):
         apply_one(placed, t, system, y)
 
 
-@inline
 def fill_one(placed, t, system, y, part):
     """Write the rows of one constraint part, given its index."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
@@ -156,7 +148,6 @@ def fill_all(constraints, t, system, y, part):
         fill_one(placed, t, system, y, part + i)
 
 
-@inline
 def anchor_one(placed, system, y, part):
     """Write the point of application of one constraint's reaction, world [m]."""
     point = anchor(placed.row, state_of(y, placed.body), state_of(y, placed.parent))
@@ -170,7 +161,6 @@ def anchor_all(constraints, system, y, part):
         anchor_one(placed, system, y, part + i)
 
 
-@inline
 def power_one(placed, t, system, y):
     """Power of an effect [W], on the body and on its parent."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
@@ -182,7 +172,6 @@ def power_one(placed, t, system, y):
     return power
 
 
-@inline
 def potential_one(placed, t, system, y):
     """Potential energy of an effect [J]."""
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
@@ -210,7 +199,6 @@ def angles(rows: Sequence[Any]) -> list[int]:
     return [int(type(row) in ANGLES) for row in rows for _ in range(COUNT[type(row)])]
 
 
-@inline
 def arm_of(system, k):
     """The factor of `arms` for row k."""
     if system.row_table[k, ANGLE] != 0:

@@ -42,7 +42,7 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
     vec,
 )
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -61,7 +61,6 @@ from rb_sim.numerics.vectors import (
 # A lambda = -(bias + G M^-1 f), A = G M^-1 G^T (LL 38.2, 38.6).
 
 
-@inline
 def inverse_mass_times(system, i, k, column):
     """M_i^-1 J^T of row k for body i, whose columns start at `column`: (linear, angular)."""
     force = scale(1.0 / system.bodies[i, MASS], vec(system.rows, k, column))
@@ -69,13 +68,11 @@ def inverse_mass_times(system, i, k, column):
     return force, symmetric_times(inverse, vec(system.rows, k, column + 3))
 
 
-@inline
 def coupling(rows, i, column, force, turn):
     """Row i, columns from `column` on, times the motion (force, turn) of one body."""
     return dot(vec(rows, i, column), force) + dot(vec(rows, i, column + 3), turn)
 
 
-@inline
 def rise_of(system, j, b, a, of_body, of_parent):
     """Change of row j by accelerations (linear, angular) of body b and its parent a (-1: world)."""
     rows, row_table, s = system.rows, system.row_table, 0.0
@@ -91,7 +88,6 @@ def rise_of(system, j, b, a, of_body, of_parent):
     return s
 
 
-@inline
 def add_response(bodies, i, force, turn, s):
     """Add s times (force, turn) to the response of body i."""
     for j in range(3):
@@ -99,7 +95,6 @@ def add_response(bodies, i, force, turn, s):
         bodies[i, RESPONSE + 3 + j] += s * turn[j]
 
 
-@inline
 def clear_response(system):
     """Set the response of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
@@ -107,7 +102,6 @@ def clear_response(system):
             system.bodies[i, RESPONSE + j] = 0.0
 
 
-@inline
 def add_multiplier(system, k, x):
     """response += M^-1 J^T x for row k."""
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
@@ -118,14 +112,12 @@ def add_multiplier(system, k, x):
         add_response(system.bodies, a, force, turn, x)
 
 
-@inline
 def add_multipliers(system):
     """response += M^-1 G^T lambda."""
     for k in range(system.row_table.shape[0]):
         add_multiplier(system, k, system.vectors[MULTIPLIERS, k])
 
 
-@inline
 def row_times_response(system, k):
     """G response of row k."""
     bodies, b, a = system.bodies, system.row_table[k, BODY], system.row_table[k, PARENT]
@@ -135,7 +127,6 @@ def row_times_response(system, k):
     return s
 
 
-@inline
 def row_velocity(system, y, k):
     """G u of row k."""
     B, A = state_of(y, system.row_table[k, BODY]), state_of(y, system.row_table[k, PARENT])
@@ -152,7 +143,6 @@ def _write_rows(system, t, y):
 write_rows = dispatch(_write_rows)
 
 
-@inline
 def clear_loads(system):
     """Set the loads of all bodies to zero."""
     for i in range(system.bodies.shape[0]):
@@ -160,7 +150,6 @@ def clear_loads(system):
             system.bodies[i, LOAD + j] = 0.0
 
 
-@inline
 def free_accelerations(system, y):
     """response = accelerations (world, body axes) under the loads alone."""
     bodies = system.bodies
@@ -180,7 +169,6 @@ def write_constraint_rows(system, t, y):
     fill_all(system.constraints, t, system, y, 0)
 
 
-@inline
 def move_by_response(system, y):
     """Displace and rotate every body by response, taken as a small displacement."""
     for i in range(system.bodies.shape[0]):
@@ -195,7 +183,6 @@ def move_by_response(system, y):
             y[k + 3 + j] = q[j]
 
 
-@inline
 def put_rates(system, y, dy):
     """dy/dt of all bodies, with accelerations from response."""
     for i in range(system.bodies.shape[0]):
@@ -209,7 +196,6 @@ def put_rates(system, y, dy):
             dy[k + 7 + j] = system.bodies[i, RESPONSE + j]
 
 
-@inline
 def put_reactions(system, y, out, first):
     """Write the reactions from the multipliers: force, torque about the anchor, anchor; world
     axes."""
@@ -236,7 +222,6 @@ def put_reactions(system, y, out, first):
     return at
 
 
-@inline
 def violation_of(system, y, k):
     """|g| / length or |G u - b| / speed of row k; angles are multiplied by their arm."""
     arm = arm_of(system, k)
@@ -254,7 +239,6 @@ def worst_gap(system, holonomic):
     return worst
 
 
-@inline
 def residual_of(system, y):
     """Largest violation of all rows."""
     worst = 0.0
@@ -263,7 +247,6 @@ def residual_of(system, y):
     return worst
 
 
-@inline
 def put_momenta(system, y, out, at):
     """Write momentum and angular momentum about the world origin into out; returns the kinetic
     energy."""
@@ -290,7 +273,6 @@ def put_balances(system, t, y, out, at, reaction_power):
     out[at + 9] = residual_of(system, y)
 
 
-@inline
 def power_of_reactions(system):
     """Power of the multipliers on rows that prescribe a velocity [W]."""
     power = 0.0

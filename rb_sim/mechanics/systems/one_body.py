@@ -11,20 +11,96 @@
 
 from __future__ import annotations
 
-from rb_sim.catalogue.spec import WORLD, potential, wrench
-from rb_sim.numerics.kernels import inline
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from rb_sim.catalogue.spec import WORLD, BodyState, Vec3, potential, wrench
+from rb_sim.mechanics.system import CONFIGURATION, inside, project, sample
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import (
     ZERO,
     add,
+    cos,
     cross,
     dot,
     gyroscopic,
     rotate,
     scale,
+    sin,
     sub,
     symmetric_times,
     unrotate,
 )
+
+
+class Held(NamedTuple):
+    """Acceleration and active wrench of a body that a joint holds; its reaction follows."""
+
+    a_W: Vec3
+    """acceleration of C, world [m/s^2]."""
+    alpha_B: Vec3
+    """angular acceleration, body axes [rad/s^2]."""
+    f_W: Vec3
+    k_B: Vec3
+    """active force, world [N], and torque about C, body axes [N m]."""
+    point: Vec3
+    """point about which the reaction is reported, world [m]."""
+
+
+class Dynamics(NamedTuple):
+    """One body at one instant: dy/dt, and what its sample reports besides."""
+
+    rates: tuple
+    """dy/dt."""
+    B: BodyState
+    residual: Any
+    """how far y is from the manifold, relative to the size of the joint."""
+    held: Held | None = None
+    """None without a joint."""
+
+
+@dispatch
+def dynamics(system, t, y):
+    """The Dynamics of a system of one body; laws keep the part that they need."""
+
+
+def body_system(kind: type, configuration: int) -> Callable[[Any], Any]:
+    """Decorator of the `dynamics` of a class of systems of one body, with so many coordinates of
+    configuration.
+
+    Its coordinates are independent and its domain has no end, unless it registers `project` and
+    `inside` as well; its sample is `body_sample`, unless it registers another.
+    """
+    CONFIGURATION[kind] = configuration
+    sample.register(kind)(body_sample)
+    project.register(kind)(as_it_is)
+    inside.register(kind)(endless)
+    return dynamics.register(kind)
+
+
+def rate(system, t, y):
+    """dy/dt of one body as a tuple."""
+    return dynamics(system, t, y).rates
+
+
+def body_sample(system, t, y, out):
+    """Write state, the reaction of the joint if there is one, and balances."""
+    now = dynamics(system, t, y)
+    i = put_state(out, now.B)
+    if now.held is not None:
+        force, torque_C = reaction_at_com(system.body, now.B, now.held)
+        i = put_reaction(out, i, now.B, force, torque_C, now.held.point)
+    put_balance(out, i, system.effects, t, system.body, now.B, now.residual)
+
+
+def as_it_is(system, t, y):
+    """y itself: the coordinates are independent."""
+    return y
+
+
+def endless(system, y):
+    """True: the domain has no end."""
+    return True
 
 
 def total_wrench(effects, t, body, B):
@@ -48,24 +124,26 @@ def energetics(effects, t, body, B):
     return u, p
 
 
-@inline
-def reaction_at_com(body, B, a_W, alpha_B, f_W, k_B):
+def reaction_at_com(body, B, held):
     """Reaction force (world) and torque about C (world) from Newton-Euler (LL 38.6)."""
-    force = sub(scale(body.mass, a_W), f_W)
-    torque = sub(
-        add(symmetric_times(body.inertia, alpha_B), gyroscopic(body.inertia, B.w_WB_B)), k_B
-    )
-    return force, rotate(B.q_WB, torque)
+    force = sub(scale(body.mass, held.a_W), held.f_W)
+    turning = add(symmetric_times(body.inertia, held.alpha_B), gyroscopic(body.inertia, B.w_WB_B))
+    return force, rotate(B.q_WB, sub(turning, held.k_B))
 
 
-@inline
+def about(n, angle):
+    """Quaternion of a turn about the unit vector n by an angle [rad]."""
+    half = 0.5 * angle
+    s = sin(half)
+    return (s * n[0], s * n[1], s * n[2], cos(half))
+
+
 def put3(out, i, a):
     """Write a vector into out from index i on; returns the next index."""
     out[i], out[i + 1], out[i + 2] = a[0], a[1], a[2]
     return i + 3
 
 
-@inline
 def put_state(out, B):
     """Write position, orientation and velocities of the body; returns the next index."""
     i = put3(out, 0, B.p_WC)
@@ -74,19 +152,16 @@ def put_state(out, B):
     return put3(out, put3(out, i + 4, B.v_WC), B.w_WB_B)
 
 
-@inline
 def put_wrench(out, i, force, torque, point):
     """Write force, torque about `point`, and the point; all world. Returns the next index."""
     return put3(out, put3(out, put3(out, i, force), torque), point)
 
 
-@inline
 def put_reaction(out, i, B, force, torque_C, point):
     """Write the reaction about `point` of a force and a torque about C. Returns the next index."""
     return put_wrench(out, i, force, add(torque_C, cross(sub(B.p_WC, point), force)), point)
 
 
-@inline
 def put_balance(out, i, effects, t, body, B, residual):
     """Write energies, power, momenta and the residual."""
     spin = symmetric_times(body.inertia, B.w_WB_B)
@@ -100,14 +175,11 @@ def put_balance(out, i, effects, t, body, B, residual):
     out[i] = residual
 
 
-@inline
-def torque_about(effects, t, body, B, rho):
+def torque_about(B, rho, f, k):
     """Active torque about the point at C - rho, body axes: K + rho x R^T F."""
-    f, k = total_wrench(effects, t, body, B)
     return add(k, cross(rho, unrotate(B.q_WB, f)))
 
 
-@inline
 def quaternion_defect(q):
     """| |q|^2 - 1 |."""
     return abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0)

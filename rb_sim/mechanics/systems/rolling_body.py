@@ -21,21 +21,19 @@ from typing import NamedTuple
 
 from rb_sim.catalogue.geometry.smooth_surfaces import support, support_rate
 from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Vec3
-from rb_sim.mechanics.system import CONFIGURATION, inside, project, rate, sample
+from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.free import unit_if_needed
 from rb_sim.mechanics.systems.one_body import (
-    put_balance,
-    put_reaction,
-    put_state,
+    Dynamics,
+    Held,
+    about,
+    body_system,
     quaternion_defect,
-    reaction_at_com,
     torque_about,
     total_wrench,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     add,
-    cos,
     cross,
     dot,
     gyroscopic,
@@ -46,7 +44,6 @@ from rb_sim.numerics.vectors import (
     rotate,
     scale,
     shifted_inertia,
-    sin,
     sub,
     symmetric_solve,
     symmetric_times,
@@ -81,11 +78,6 @@ class LineRollingBody(NamedTuple):
     effects: tuple
 
 
-CONFIGURATION[RollingBody] = 7
-CONFIGURATION[LineRollingBody] = 1
-
-
-@inline
 def contact_arm(system, q, w):
     """rho = r_PC and its rate in the body frame."""
     gamma = unrotate(q, system.normal)
@@ -93,11 +85,10 @@ def contact_arm(system, q, w):
     return rho, neg(support_rate(system.surface, gamma, cross(gamma, w)))
 
 
-@inline
-def right_side(system, t, B, rho, rho_dot):
+def right_side(system, B, rho, rho_dot, f, k):
     """K + rho x F - w x I w - m rho x (w x rho' + w x (w x rho)), body axes."""
     w = B.w_WB_B
-    moment = torque_about(system.effects, t, system.body, B, rho)
+    moment = torque_about(B, rho, f, k)
     carried = cross(w, add(rho_dot, cross(w, rho)))
     return sub(
         sub(moment, gyroscopic(system.body.inertia, w)),
@@ -105,21 +96,32 @@ def right_side(system, t, B, rho, rho_dot):
     )
 
 
-@inline
-def rolling_motion(system, t, y):
-    """(state, rho, rho', dw/dt)."""
+def held_at_contact(system, B, rho, rho_dot, alpha, f, k):
+    """(residual, Held) of the point of contact at C - rho; alpha: dw_B/dt.
+
+    The residual is the larger one of the relative height of the point and the defect of q.
+    """
+    w = B.w_WB_B
+    a_B = add(cross(alpha, rho), cross(w, add(rho_dot, cross(w, rho))))
+    point = sub(B.p_WC, rotate(B.q_WB, rho))
+    height = abs(dot(system.normal, point) - system.offset) / (
+        abs(system.offset) + dot(rho, rho) ** 0.5
+    )
+    residual = maximum(height, quaternion_defect(B.q_WB))
+    return residual, Held(rotate(B.q_WB, a_B), alpha, f, k, point)
+
+
+@body_system(RollingBody, configuration=7)
+def rolling_dynamics(system, t, y):
+    """The velocity of C, and Newton-Euler about the point of contact."""
     q, w = (y[3], y[4], y[5], y[6]), (y[7], y[8], y[9])
     rho, rho_dot = contact_arm(system, q, w)
     B = BodyState((y[0], y[1], y[2]), q, rotate(q, cross(w, rho)), w)
+    f, k = total_wrench(system.effects, t, system.body, B)
     inertia_P = shifted_inertia(system.body.inertia, system.body.mass, rho)
-    return B, rho, rho_dot, symmetric_solve(inertia_P, right_side(system, t, B, rho, rho_dot))
-
-
-@rate.register(RollingBody)
-def rolling_rate(system, t, y):
-    """The velocity of C and the rates of q and w_B."""
-    B, _, _, alpha = rolling_motion(system, t, y)
-    return B.v_WC + quaternion_rate(B.q_WB, B.w_WB_B) + alpha
+    alpha = symmetric_solve(inertia_P, right_side(system, B, rho, rho_dot, f, k))
+    rates = B.v_WC + quaternion_rate(q, w) + alpha
+    return Dynamics(rates, B, *held_at_contact(system, B, rho, rho_dot, alpha, f, k))
 
 
 @project.register(RollingBody)
@@ -133,71 +135,18 @@ def rolling_settle(system, t, y):
     return add(p, scale(rise, system.normal)) + q + y[7:10]
 
 
-@inline
-def put_contact(system, t, out, B, rho, rho_dot, alpha):
-    """Write state, the reaction at the contact point, and balances.
-
-    rho, rho_dot: from the contact point to C and its change in the body; alpha: dw_B/dt; all in
-    body axes. The residual is the larger one of the relative height of the contact point and the
-    defect of q.
-    """
-    w = B.w_WB_B
-    a_B = add(cross(alpha, rho), cross(w, add(rho_dot, cross(w, rho))))
-    f, k = total_wrench(system.effects, t, system.body, B)
-    force, torque_C = reaction_at_com(system.body, B, rotate(B.q_WB, a_B), alpha, f, k)
-    point = sub(B.p_WC, rotate(B.q_WB, rho))
-    i = put_reaction(out, put_state(out, B), B, force, torque_C, point)
-    height = abs(dot(system.normal, point) - system.offset) / (
-        abs(system.offset) + dot(rho, rho) ** 0.5
-    )
-    residual = maximum(height, quaternion_defect(B.q_WB))
-    put_balance(out, i, system.effects, t, system.body, B, residual)
-
-
-@sample.register(RollingBody)
-def rolling_sample(system, t, y, out):
-    """Write state, the reaction at the contact point, and balances."""
-    B, rho, rho_dot, alpha = rolling_motion(system, t, y)
-    put_contact(system, t, out, B, rho, rho_dot, alpha)
-
-
-@inline
-def line_motion(system, t, y):
-    """(state, rho, rho', dw/dt) of the cylinder."""
-    half = 0.5 * y[0]
-    s, n = sin(half), system.surface.axis_B
-    q = quaternion_product(system.q_0, (s * n[0], s * n[1], s * n[2], cos(half)))
-    w = scale(y[1], n)
+@body_system(LineRollingBody, configuration=1)
+def line_dynamics(system, t, y):
+    """Newton-Euler of the cylinder about its line of contact."""
+    n = system.surface.axis_B
+    q, w = quaternion_product(system.q_0, about(n, y[0])), scale(y[1], n)
     rho, rho_dot = contact_arm(system, q, w)
     centre = add(system.centre_0, scale(system.surface.radius * y[0], system.forward))
     p = sub(centre, rotate(q, system.surface.centre_C))
     B = BodyState(p, q, rotate(q, cross(w, rho)), w)
+    f, k = total_wrench(system.effects, t, system.body, B)
     inertia_P = shifted_inertia(system.body.inertia, system.body.mass, rho)
-    moment = dot(n, right_side(system, t, B, rho, rho_dot))
-    return B, rho, rho_dot, scale(moment / dot(n, symmetric_times(inertia_P, n)), n)
-
-
-@rate.register(LineRollingBody)
-def line_rate(system, t, y):
-    """Angular velocity and angular acceleration."""
-    _, _, _, alpha = line_motion(system, t, y)
-    return (y[1], dot(system.surface.axis_B, alpha))
-
-
-@project.register(LineRollingBody)
-def line_settle(system, t, y):
-    """y itself: the two coordinates are independent."""
-    return y
-
-
-@sample.register(LineRollingBody)
-def line_sample(system, t, y, out):
-    """Write state, the reaction at the contact point, and balances."""
-    B, rho, rho_dot, alpha = line_motion(system, t, y)
-    put_contact(system, t, out, B, rho, rho_dot, alpha)
-
-
-@inside.register(RollingBody, LineRollingBody)
-def rolling_inside(system, y):
-    """True: the domain has no end."""
-    return True
+    moment = dot(n, right_side(system, B, rho, rho_dot, f, k))
+    alpha = scale(moment / dot(n, symmetric_times(inertia_P, n)), n)
+    rates = (y[1], dot(n, alpha))
+    return Dynamics(rates, B, *held_at_contact(system, B, rho, rho_dot, alpha, f, k))

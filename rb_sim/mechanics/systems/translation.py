@@ -31,16 +31,10 @@ from rb_sim.catalogue.curves import (
 from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Vec3
 from rb_sim.graph.machine import Law, PlainLaw, compile_law
 from rb_sim.graph.symbols import Graph, call, minimum
-from rb_sim.mechanics.system import CONFIGURATION, inside, project, rate, sample
+from rb_sim.mechanics.system import inside
 from rb_sim.mechanics.systems.many_bodies import state_of
-from rb_sim.mechanics.systems.one_body import (
-    put_balance,
-    put_reaction,
-    put_state,
-    reaction_at_com,
-    total_wrench,
-)
-from rb_sim.numerics.kernels import dispatch, inline
+from rb_sim.mechanics.systems.one_body import Dynamics, Held, body_system, total_wrench
+from rb_sim.numerics.kernels import dispatch
 from rb_sim.numerics.vectors import ZERO, add, dot, rotate, scale, sub
 
 # Guides along splines: position of a motion among their pieces, and steps that must end at breaks.
@@ -137,88 +131,31 @@ class GuidedBody(NamedTuple):
     effects: tuple
 
 
-CONFIGURATION[TranslatingBody] = 3
-CONFIGURATION[GuidedBody] = 1
+def held_upright(system, B, a, f, k):
+    """The Held of a body that does not turn, about r_B; a: acceleration of C."""
+    return Held(a, ZERO, f, k, add(B.p_WC, rotate(B.q_WB, system.r_B)))
 
 
-@inline
-def translating_state(system, y):
-    """Pose and velocities of the body for y = (p_WC, v_WC)."""
-    return BodyState((y[0], y[1], y[2]), system.q_0, (y[3], y[4], y[5]), ZERO)
-
-
-@rate.register(TranslatingBody)
-def translating_rate(system, t, y):
+@body_system(TranslatingBody, configuration=3)
+def translating_dynamics(system, t, y):
     """Newton's equation."""
-    B = translating_state(system, y)
-    f, _ = total_wrench(system.effects, t, system.body, B)
-    return B.v_WC + scale(1.0 / system.body.mass, f)
+    B = BodyState((y[0], y[1], y[2]), system.q_0, (y[3], y[4], y[5]), ZERO)
+    f, k = total_wrench(system.effects, t, system.body, B)
+    a = scale(1.0 / system.body.mass, f)
+    return Dynamics(B.v_WC + a, B, 0.0, held_upright(system, B, a, f, k))
 
 
-@inline
-def guided_state(system, y):
-    """Pose and velocities of the body for y = (s, ds/dt) on the guide."""
-    c, slope, _ = curve_point(system.curve, y[0])
+@body_system(GuidedBody, configuration=1)
+def guided_dynamics(system, t, y):
+    """Newton's equation along the guide."""
+    c, slope, bend = curve_point(system.curve, y[0])
     p = sub(c, rotate(system.q_0, system.r_B))
-    return BodyState(p, system.q_0, scale(y[1], slope), ZERO)
-
-
-@inline
-def guided_acceleration(system, t, y, f):
-    """(s'', acceleration of C in the world)."""
-    _, slope, bend = curve_point(system.curve, y[0])
+    B = BodyState(p, system.q_0, scale(y[1], slope), ZERO)
+    f, k = total_wrench(system.effects, t, system.body, B)
     along = dot(slope, f) / system.body.mass - y[1] * y[1] * dot(slope, bend)
     s_dd = along / dot(slope, slope)
-    return s_dd, add(scale(s_dd, slope), scale(y[1] * y[1], bend))
-
-
-@rate.register(GuidedBody)
-def guided_rate(system, t, y):
-    """The rates of s and ds/dt."""
-    f, _ = total_wrench(system.effects, t, system.body, guided_state(system, y))
-    s_dd, _ = guided_acceleration(system, t, y, f)
-    return (y[1], s_dd)
-
-
-@project.register(TranslatingBody, GuidedBody)
-def translation_settle(system, t, y):
-    """y itself: the coordinates are independent."""
-    return y
-
-
-@inline
-def put_translation(system, t, out, B, a, f, k):
-    """Write state, the reaction about r_B, and balances.
-
-    a: acceleration of C [m/s^2]; f, k: active wrench.
-    """
-    force, torque_C = reaction_at_com(system.body, B, a, ZERO, f, k)
-    point = add(B.p_WC, rotate(B.q_WB, system.r_B))
-    i = put_reaction(out, put_state(out, B), B, force, torque_C, point)
-    put_balance(out, i, system.effects, t, system.body, B, 0.0)
-
-
-@sample.register(TranslatingBody)
-def translating_sample(system, t, y, out):
-    """Write state, the torque that prevents rotation, and balances."""
-    B = translating_state(system, y)
-    f, k = total_wrench(system.effects, t, system.body, B)
-    put_translation(system, t, out, B, scale(1.0 / system.body.mass, f), f, k)
-
-
-@sample.register(GuidedBody)
-def guided_sample(system, t, y, out):
-    """Write state, the reaction of guide and lock, and balances."""
-    B = guided_state(system, y)
-    f, k = total_wrench(system.effects, t, system.body, B)
-    _, a = guided_acceleration(system, t, y, f)
-    put_translation(system, t, out, B, a, f, k)
-
-
-@inside.register(TranslatingBody)
-def translating_inside(system, y):
-    """True: the domain has no end."""
-    return True
+    a = add(scale(s_dd, slope), scale(y[1] * y[1], bend))
+    return Dynamics((y[1], s_dd), B, 0.0, held_upright(system, B, a, f, k))
 
 
 @inside.register(GuidedBody)
