@@ -172,14 +172,6 @@ def test_reference_agrees_with_newton_euler_where_no_closed_form_exists(name: st
     assert pose_error(*other, *true).max() < 1e-11
 
 
-def test_reference_is_the_initial_state_at_the_start() -> None:
-    for name in scenes.NAMES:
-        scene = short(name, 0.25)
-        position, quaternion = Reference(scene).pose(np.zeros(1))
-        start = scene.position[None], scene.quaternion[None]
-        assert pose_error(position, quaternion, *start).max() < 1e-15
-
-
 def test_pose_error_takes_the_sign_of_a_quaternion_and_counts_nan_as_infinite() -> None:
     half = 0.5 * 1e-9
     identity = np.array([[0.0, 0.0, 0.0, 1.0]])

@@ -16,7 +16,8 @@ from typing import Any
 
 from rb_sim import load_scene
 from rb_sim.catalogue.contact import Contact
-from rb_sim.scene.listing import list_scenes
+from rb_sim.scene.listing import find_scene, list_scenes
+from rb_sim.scene.yaml_reader import parse
 
 G = 9.81
 WEIGHT = {"type": "gravity", "acceleration": [0.0, 0.0, -G]}
@@ -79,3 +80,9 @@ def shipped_with_contacts() -> list[str]:
         for listed in list_scenes()
         if any(isinstance(c, Contact) for c in load_scene(listed.name).constraints.values())
     ]
+
+
+def shipped(name: str) -> Any:
+    """The mapping of a shipped scene."""
+    path = find_scene(name)
+    return parse(path.read_text(), path.name)

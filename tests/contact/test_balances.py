@@ -18,10 +18,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rb_sim import Simulation, load_scene
-from rb_sim.scene.listing import find_scene
 from rb_sim.scene.schema import Scene
-from rb_sim.scene.yaml_reader import parse
-from tests.contact.scenes import acts_on, ball, box, scene, shipped_with_contacts, touch
+from tests.contact.scenes import acts_on, ball, box, scene, shipped, shipped_with_contacts, touch
 from tests.contact_runs import contact_run
 from tests.properties.test_newton_euler import CLOSE, defects
 
@@ -35,12 +33,6 @@ SPANS = {
     "thrown_ball": 0.5, "tippe_top": 0.1, "turntable": 0.5,
 }  # fmt: skip
 """[s], with the first events of each."""
-
-
-def shipped(name: str) -> Any:
-    """The mapping of a shipped scene."""
-    path = find_scene(name)
-    return parse(path.read_text(), path.name)
 
 
 @pytest.mark.parametrize("name", SPANS)

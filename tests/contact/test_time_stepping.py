@@ -20,10 +20,8 @@ from numpy.testing import assert_allclose
 
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.scene.yaml_reader import parse
-from tests.contact.scenes import G, ball, body, box, scene, touch
+from tests.contact.scenes import G, ball, body, box, scene, shipped, touch
 from tests.contact_runs import ContactRun, contact_run
 
 
@@ -149,12 +147,6 @@ def test_disk_comes_to_lie_flat(step: float, steps: int) -> None:
         assert abs(r.position["body"][-1, 2]) < 1e-3
     else:
         assert 0.05 < r.energy[-1] < 0.244
-
-
-def shipped(name: str) -> Any:
-    """The mapping of a shipped scene."""
-    path = find_scene(name)
-    return parse(path.read_text(), path.name)
 
 
 OUTSIDE = {"ball_on_block": (5.0, 0.0), "stick_slip": (0.0, 5.0)}
