@@ -47,13 +47,31 @@ class SceneError(RbSimError):
         self.message = "; ".join((message, *others))
         self.key = key
         self.file = file
+        self._set: tuple[str, ...] = ()
         self._mistakes = (": ".join(part for part in (key, message) if part), *others)
         super().__init__(": ".join(part for part in (file, key, self.message) if part))
 
     @property
     def lines(self) -> tuple[str, ...]:
         """The text with a line for each mistake."""
-        return tuple(f"{self.file}: {line}" if self.file else line for line in self._mistakes)
+        return tuple(self._place(line) + line for line in self._mistakes)
+
+    def _place(self, line: str) -> str:
+        key = line.partition(": ")[0]
+        if any(key == own or key.startswith((f"{own}.", f"{own}[")) for own in self._set):
+            return "--set "
+        return f"{self.file}: " if self.file else ""
+
+    @classmethod
+    @contextmanager
+    def after(cls, changes: Sequence[str]) -> Iterator[None]:
+        """Context for a scene with values KEY=VALUE of `--set`: for these keys the lines of an
+        error name the option instead of the file."""
+        try:
+            yield
+        except cls as error:
+            error._set = tuple(change.partition("=")[0].strip() for change in changes)
+            raise
 
 
 class UnknownNameError(RbSimError, KeyError):
@@ -316,9 +334,19 @@ def global_error_in(summary: Mapping[str, Any] | None) -> GlobalError | None:
     return GlobalError(**known) if known else None
 
 
+def lines_of(findings: Iterable[Finding]) -> list[str]:
+    """A line for each finding; advice that several share stands in the last of them."""
+    found = list(findings)
+    last = {finding.advice: k for k, finding in enumerate(found)}
+    return [
+        str(finding) if k == last[finding.advice] else finding.seen
+        for k, finding in enumerate(found)
+    ]
+
+
 def tell(lines: Iterable[str], findings: Iterable[Finding], stacklevel: int = 1) -> None:
     """Issue a warning for each line, and an AccuracyWarning for each finding."""
     for line in lines:
         warnings.warn(line, stacklevel=stacklevel + 1)
-    for finding in findings:
-        warnings.warn(str(finding), AccuracyWarning, stacklevel=stacklevel + 1)
+    for line in lines_of(findings):
+        warnings.warn(line, AccuracyWarning, stacklevel=stacklevel + 1)

@@ -397,9 +397,9 @@ def _build(
 
 def _overridden(own: Mapping[str, Any], given: dict[str, Any], file: str) -> SimulationOptions:
     """The scene's `own` simulation values, replaced by the `given` ones."""
-    for key, value in given.items():
+    for key in given:
         if key not in OVERRIDES:
-            message = f"got {render(value)}; the override must be {one_of(key, OVERRIDES)}"
+            message = f"unknown option; must be {one_of(key, OVERRIDES)}"
             raise scene_error(message, ("override", key), file)
     merged = {key: value for key, value in own.items() if key not in _dropped(given)} | given
     return validated(SimulationOptions, merged, file, "override")

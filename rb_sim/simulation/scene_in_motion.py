@@ -337,10 +337,15 @@ class SceneInMotion(InSteps):
         coordinates: str = "auto",
         announce: Announce | None = tell,
         family: Family | None = None,
+        **overrides: Any,
     ) -> None:
         if coordinates not in ("auto", "maximal"):
             raise RbSimError(f"coordinates: got {coordinates!r}; must be 'auto' or 'maximal'")
-        scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        if not isinstance(scene, Scene):
+            scene = load_scene(scene, **overrides)
+        elif overrides:
+            given = ", ".join(f"{key}=..." for key in overrides)
+            raise RbSimError(f"the scene is loaded already; give {given} to load_scene")
         self.scene = scene
         self._made_with: dict[str, Any] = {"coordinates": coordinates, "family": family}
         self._announced = Announced(scene.name, announce)

@@ -130,6 +130,7 @@ class Simulation(SceneInMotion):
         announce: Called with a line of text before machine code is compiled, which takes seconds;
             by default the line goes to standard error.
         family: Laws shared by scenes that differ in numbers only; None: its own laws.
+        overrides: Those of `load_scene`, such as `method`, unless the scene is loaded already.
 
     Raises:
         SceneError: The scene cannot be simulated.

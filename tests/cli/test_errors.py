@@ -82,7 +82,7 @@ def test_bad_scene(name, tmp_path):
         *(
             (
                 (verb, "pendulum", "--set", "bodies.rod.mass=-1"),
-                f"error: {find_scene('pendulum')}: bodies.rod.mass: got -1; must be",
+                "error: --set bodies.rod.mass: got -1; must be a number",
             )
             for verb in ("run", "statics", "explain", "linearize", "accuracy")
         ),
@@ -220,6 +220,24 @@ def test_help_shows_flags_as_flags(monkeypatch):
         shown = invoke(*verb, "--help").output.lower()
         assert "--help" in shown
         assert "bool" not in shown
+
+
+def test_a_wrong_value_is_blamed_on_whoever_gave_it(tmp_path):
+    """On --set for its keys, and what is in them; on the file for the others."""
+    path = tmp_path / "a.yaml"
+    path.write_text("bodies: {a: {mass: -1, inertia: [1, 1, 1]}}\n", encoding="utf-8")
+    done = invoke("linearize", path, "--set", "bodies.a.position=[0, up, 0]")
+    assert {line[: line.index(": got")] for line in lines(done.output)} == {
+        f"error: {path}: bodies.a.mass",
+        "error: --set bodies.a.position[1]",
+    }
+
+
+def test_advice_that_warnings_share_is_given_once():
+    done = invoke("run", "heavy_top", "--method", "rk4", "--step", "0.005")
+    warned = [line for line in lines(done.output) if line.startswith("warning: ")]
+    assert len(warned) > 3 and warned[-1].endswith("; use step 0.001 s, which passes all checks")
+    assert not any("; " in line for line in warned[:-1])
 
 
 def test_a_changed_scene_warns_once(tmp_path, recwarn):

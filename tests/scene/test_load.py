@@ -390,7 +390,7 @@ def test_override_of_duration_and_rate(valid: str) -> None:
         (
             "{}",
             {"stepp": 0.1},
-            "override.stepp: got 0.1; the override must be step, or one of duration, method, "
+            "override.stepp: unknown option; must be step, or one of duration, method, "
             "rate, tolerance",
         ),
     ],

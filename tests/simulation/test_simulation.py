@@ -195,6 +195,14 @@ def test_a_scene_is_a_file_a_name_a_text_or_a_mapping(source: Any) -> None:
         assert f"scene: got {source!r}; must be a file, the name of a shipped scene" in said
 
 
+def test_options_of_a_scene_replace_its_own() -> None:
+    assert Simulation("heavy_top", method="rk4", step=1e-3).setting.step == 1e-3
+    with pytest.raises(RbSimError, match=r"metod: unknown option; must be method, or one of"):
+        Simulation("heavy_top", metod="rk4")
+    with pytest.raises(RbSimError, match=r"loaded already; give method=... to load_scene"):
+        Simulation(load_scene("heavy_top"), method="rk4")
+
+
 @pytest.mark.parametrize("value", ["2", [1], None, float("nan"), 1j, 10**400])
 def test_times_are_numbers(simulation: Simulation, value: Any) -> None:
     assert line(lambda: simulation.advance(value)).startswith("duration: got ")

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import MissingExtraError, RbSimError, check_ending
+from rb_sim.base.errors import MissingExtraError, RbSimError, check_ending, lines_of
 from rb_sim.base.plain_data import json_text, write_json
 from rb_sim.cli.options import CompareOptions
 from rb_sim.cli.plain import columns, note, plain_console, warn
@@ -136,7 +136,7 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         findings = resimulate(reader, scene, Path(folder) / "bag")
         tracks = tracks_of_bag(Path(folder) / "bag")
-    warn(str(finding) for finding in findings)
+    warn(lines_of(findings))
     tracks.name = options.b
     return tracks
 
@@ -156,7 +156,7 @@ def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     simulation = Simulation(scene)
     checked = CheckedSamples(simulation, followed(simulation, recording))
     found = tracks_of_blocks(checked, scene, simulation.layout, options.b)
-    warn(str(finding) for finding in checked.findings)
+    warn(lines_of(checked.findings))
     start = float(recording.times[0])
     first = shown_offset(start)
     note([f"{options.b} starts as the scene says, at the first pose, t = {first}"])

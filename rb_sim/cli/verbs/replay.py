@@ -30,7 +30,7 @@ from rb_sim.bags.comparison_views import drawn
 from rb_sim.bags.info import linear
 from rb_sim.bags.tracks import Track, Tracks
 from rb_sim.base import __version__
-from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError, check_ending
+from rb_sim.base.errors import AccuracyWarning, RbSimError, SinkError, check_ending, lines_of
 from rb_sim.base.palette import CYCLE
 from rb_sim.cli.plain import warn
 from rb_sim.io.drawn_supports import ground
@@ -288,7 +288,8 @@ def _page_of_scene(source: str) -> dict[str, Any]:
     ):
         warnings.simplefilter("ignore", AccuracyWarning)  # the page lists them
         run = simulation.run(progress=lambda t, end: show(t))
-    return page_of_run(run, _facts(run, {}), [f"warning: {f}" for f in run.findings])
+    lines = [f"warning: {line}" for line in lines_of(run.findings)]
+    return page_of_run(run, _facts(run, {}), lines)
 
 
 def _page_of_bag(bag: Path) -> dict[str, Any]:
@@ -301,7 +302,7 @@ def _page_of_bag(bag: Path) -> dict[str, Any]:
     if reader is None:
         return _page_of_others(bag)
     run = recorded(reader)
-    lines = [f"warning: {line}" for line in (*run.findings, *reader.left_out)]
+    lines = [f"warning: {line}" for line in (*lines_of(run.findings), *reader.left_out)]
     if not all(is_complete(path) for path in reader.paths):
         lines.append(f"warning: the bag was never finished; the last sample that can be read is of "
                      f"t = {run.t[-1] if len(run) else 0.0:.6g} s")  # fmt: skip

@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import RbSimError, lines_of
 from rb_sim.base.plain_data import json_text
 from rb_sim.cli.options import CompareOptions, ResimOptions
 from rb_sim.cli.plain import warn
@@ -71,7 +71,7 @@ def _simulate(reader: BagReader, options: ResimOptions, out: Path) -> None:
             raise RbSimError(f"--out {options.out}: contains the bag to be simulated again")
     if options.out is not None and not options.overwrite:
         refuse_logs(options.out, "--out", "or use --overwrite")
-    warn(str(finding) for finding in resimulate(reader, scene, out))
+    warn(lines_of(resimulate(reader, scene, out)))
 
 
 def _say_identity(recorded: BagReader, again: BagReader, as_json: bool) -> int:

@@ -27,6 +27,7 @@ from rb_sim.base.errors import (
     SceneWarning,
     SimulationError,
     StepTooLargeError,
+    lines_of,
 )
 from rb_sim.cli.options import RunOptions
 from rb_sim.simulation.signals import BrokenOffError, Interruption
@@ -80,7 +81,8 @@ def scene_of(options: RunOptions) -> Scene:
         if not options.change:
             return scene
         data = with_values(yaml_reader.parse(as_run_text(scene), scene.file), options.change)
-        return scene_from_mapping(data, name=scene.name, file=scene.file)
+        with SceneError.after(options.change):
+            return scene_from_mapping(data, name=scene.name, file=scene.file)
     except SceneError as error:
         section, _, name = error.key.partition(".")
         if section == "override":
@@ -327,8 +329,9 @@ class _Run:
     def _exit_code(self, check_list: CheckList, complete: bool) -> int:
         """Print findings of the checks and the reason of an early end; returns the exit code."""
         where = f"; the samples up to then are in {self.options.out}" if self.options.out else ""
-        for finding in check_list.findings:
-            _say(f"warning: {finding.seen if self.advised else finding}")
+        found = check_list.findings
+        for line in [each.seen for each in found] if self.advised else lines_of(found):
+            _say(f"warning: {line}")
         if self.failure:
             _say(f"error: {self.failure}{where}")
             return FAILED

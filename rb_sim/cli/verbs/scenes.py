@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import RbSimError, SceneError
 
 if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
@@ -128,7 +128,8 @@ def with_changes(
     if not changes:
         return load(path, **overrides)
     data = with_values(yaml_reader.parse(yaml_reader.read_text(path), str(path)), changes)
-    return load(data, name=path.stem, file=str(path), **overrides)
+    with SceneError.after(changes):
+        return load(data, name=path.stem, file=str(path), **overrides)
 
 
 def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:

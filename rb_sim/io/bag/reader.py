@@ -529,7 +529,8 @@ def scene_as_run(
         options |= {k: choice[k] for k in ("step", "tolerance") if choice.get(k)}
         options = {key: value for key, value in options.items() if value is not None}
     data = with_values({**data, "simulation": options}, changes)
-    return scene_from_mapping(data, name=recorded.name, file=str(reader.path), **given)
+    with SceneError.after(changes):
+        return scene_from_mapping(data, name=recorded.name, file=str(reader.path), **given)
 
 
 def with_values(data: Mapping[str, Any], changes: Sequence[str]) -> Mapping[str, Any]:
