@@ -43,8 +43,8 @@ by a factor within a power of two of a unit's: two models of one machine differ 
 def unit_note(a: np.ndarray, b: np.ndarray, names: tuple[str, str] = ("A", "B")) -> str:
     """A line if positions b are 100 or 1000 times positions a (or the reverse), about their means;
     else "". Shapes (n, 3); names: those of a and b in the line."""
-    a, b = ((names[0], a - a.mean(axis=0)), (names[1], b - b.mean(axis=0)))
-    for (one, small), (two, large) in ((a, b), (b, a)):
+    both = [(name, x - x.mean(axis=0)) for name, x in zip(names, (a, b), strict=True)]
+    for (one, small), (two, large) in (both, both[::-1]):
         square = np.vdot(small, small)
         best = np.vdot(small, large) / square if square > 0.0 else 0.0
         for factor, unit in ENLARGEMENTS.items():
