@@ -59,7 +59,7 @@ from rb_sim.numerics.complementarity import (
     unit_of,
 )
 from rb_sim.numerics.complementarity import NORMAL as OF_NORMAL
-from rb_sim.numerics.kernels import inline, integers, pointer
+from rb_sim.numerics.kernels import integers, pointer
 from rb_sim.numerics.vectors import symmetric_times
 
 
@@ -78,7 +78,6 @@ def inverse_mass(system: ContactBodies) -> Array:
     return out
 
 
-@inline
 def accelerated(system, i, a, k):
     """M_i^-1 of the six numbers of body i in row k of a."""
     s, j = 1.0 / system.bodies[i, MASS], 6 * i
@@ -86,7 +85,6 @@ def accelerated(system, i, a, k):
     return s * a[k, j], s * a[k, j + 1], s * a[k, j + 2], turn[0], turn[1], turn[2]
 
 
-@inline
 def along(J, k, i, a):
     """Row k of J times six numbers of body i."""
     s = 0.0
@@ -95,7 +93,6 @@ def along(J, k, i, a):
     return s
 
 
-@inline
 def fill_in_loops(system, J, W, used, n, A):
     """`fill_delassus` as loops compile it: only rows that share a body are multiplied."""
     row_table = system.row_table
@@ -124,7 +121,6 @@ def fill_delassus(system, J, W, used, n, A):
 fill_delassus.compiled_as = fill_in_loops  # type: ignore[attr-defined]
 
 
-@inline
 def row_times(system, J, k, u):
     """Row k times u."""
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
@@ -137,7 +133,6 @@ def row_times(system, J, k, u):
     return s
 
 
-@inline
 def size_of_terms(system, J, k, u):
     """|row k| times |u|: the size of what `row_times` sums."""
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
@@ -150,7 +145,6 @@ def size_of_terms(system, J, k, u):
     return s
 
 
-@inline
 def momentum_of(system, J, x, p):
     """p = J^T x, of all rows."""
     for j in range(p.shape[0]):
@@ -165,7 +159,6 @@ def momentum_of(system, J, x, p):
                     p[6 * a + j] += J[k, 6 * a + j] * x[k]
 
 
-@inline
 def inverse_mass_times(system, p, du):
     """du = M^-1 p."""
     for i in range(system.bodies.shape[0]):
@@ -176,7 +169,6 @@ def inverse_mass_times(system, p, du):
             du[j + 3 + k] = turn[k]
 
 
-@inline
 def read_velocities(system, y, u):
     """u of the coordinates y."""
     for i in range(system.bodies.shape[0]):
@@ -187,7 +179,6 @@ def read_velocities(system, y, u):
 # The rows of constraints and contacts as dense matrices on the velocities of all bodies.
 
 
-@inline
 def write_all_rows(system, t, y, workspace):
     """The rows at (t, y) into the workspace: the Jacobian with every contact closed and stuck, the
     force directions and loads in the modes that the table of contacts has."""
@@ -221,7 +212,6 @@ def write_all_rows(system, t, y, workspace):
             workspace.free_accelerations[6 * i + j] = system.bodies[i, RESPONSE + j]
 
 
-@inline
 def spread_row(system, columns, k, out):
     """Row k of 12 columns (body, parent) as a row of 6N."""
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
@@ -265,7 +255,6 @@ SOLVED, UNSOLVED, NOT_FINITE = 0, 1, 2
 none."""
 
 
-@inline
 def add_row(workspace, n, k, rule):
     """Let row k take part as the n-th, with the rule; returns how many there are now."""
     workspace.used[n], workspace.place_of[k] = k, n
@@ -273,7 +262,6 @@ def add_row(workspace, n, k, rule):
     return n + 1
 
 
-@inline
 def add_bound(workspace, m, places, limit, move):
     """Let the rows at places (first, second or -1, normal) have the m-th bound, for the move
     (contact, way); returns how many there are now."""
@@ -287,7 +275,6 @@ NO_ROW = -1
 """Instead of a rule: the row takes no part."""
 
 
-@inline
 def add_contact(workspace, n, k, normal, ways):
     """Let the rows of a contact take part, the first of which is k: by the rule of its normal row,
     and of its slip, its rolling and its spin; returns how many rows there are now."""
@@ -298,7 +285,6 @@ def add_contact(workspace, n, k, normal, ways):
     return n
 
 
-@inline
 def add_bounds(workspace, m, c, k, ways, limits):
     """Bound the friction rows of contact c that take part by these parts of its normal force;
     returns how many bounds there are now."""
@@ -310,7 +296,6 @@ def add_bounds(workspace, m, c, k, ways, limits):
     return m
 
 
-@inline
 def ways_at_rest(table, c):
     """Of each way of a contact FRICTION where it rests, else NO_ROW."""
     return (
@@ -320,7 +305,6 @@ def ways_at_rest(table, c):
     )
 
 
-@inline
 def problem_of(workspace, n, m, A, b, step):
     """The problem of n rows and m bounds; step: work space of the solver."""
     return Equations(
@@ -329,7 +313,6 @@ def problem_of(workspace, n, m, A, b, step):
     )  # fmt: skip
 
 
-@inline
 def solve_in(workspace, n, m, A, b, terms, x):
     """Into x the solution of n rows and m bounds; returns what has become of it."""
     residual = solution(problem_of(workspace, n, m, A, b, x), pointer(terms), pointer(x))
@@ -338,7 +321,6 @@ def solve_in(workspace, n, m, A, b, terms, x):
     return SOLVED if residual <= CONTRADICTION else UNSOLVED
 
 
-@inline
 def measure_moments(system, workspace, n, m, A, b, terms, units):
     """Measure moments, and turning, at an arm of the scene's length, in A, b, terms and the limits
     of n rows and m bounds, so that least impulses weigh them beside forces.
@@ -368,7 +350,6 @@ EASED = 1e-8
 load, such as the two ends of an edge, then begin to slip together and in the same direction."""
 
 
-@inline
 def easing(workspace):
     """What all bounds at rest are multiplied by."""
     for c in range(workspace.moved.shape[0]):
@@ -378,7 +359,6 @@ def easing(workspace):
     return 1.0
 
 
-@inline
 def lay_out_forces(system, workspace):
     """The rows that hold, and their laws; the last rows are the given forces of pressed contacts,
     each with a value of its own. Returns (rows, bounds)."""
@@ -404,7 +384,6 @@ def lay_out_forces(system, workspace):
     return n, m
 
 
-@inline
 def given_forces(workspace):
     """How many of the last rows are given forces."""
     count = 0
@@ -426,14 +405,12 @@ class Velocities(NamedTuple):
     """along all rows, J u - rate, (n,)."""
 
 
-@inline
 def along_rows(system, workspace, u, v):
     """v = J u - rate, of all rows."""
     for k in range(v.shape[0]):
         v[k] = row_times(system, workspace.J, k, u) - workspace.row_rate[k]
 
 
-@inline
 def assemble(system, workspace, level, n, now, duration, A, b, terms):
     """A, b and the sizes of the terms of b, of the n rows laid out; now: Velocities, which
     accelerations do not need; duration: of a step [s]."""
@@ -463,7 +440,6 @@ def assemble(system, workspace, level, n, now, duration, A, b, terms):
             i += 1
 
 
-@inline
 def velocity_after(A, b, i, x):
     """w = A x + b of the i-th row."""
     w = b[i]
@@ -472,7 +448,6 @@ def velocity_after(A, b, i, x):
     return w
 
 
-@inline
 def find_moving(system, workspace, m, w, duration):
     """What has a velocity at the end of so long a time has left its rest, w being accelerations;
     returns whether any of it had not yet."""
@@ -490,7 +465,6 @@ def find_moving(system, workspace, m, w, duration):
     return new
 
 
-@inline
 def answer_over(system, workspace, y, duration):
     """The impulses of all rows over a short time into the workspace, all contacts that take part
     closed and at rest in the table, y the state before; those that move at its end slide in the

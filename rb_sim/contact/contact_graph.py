@@ -21,19 +21,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.numerics.kernels import inline
-
 # Arrays in kernels as loops: what is compiled knows no expressions of whole arrays.
 
 
-@inline
 def copy(to, of):
     """The numbers of a vector, in `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
 
 
-@inline
 def copy_rows(to, of):
     """The numbers of a matrix, in `to`."""
     for i in range(of.shape[0]):
@@ -41,7 +37,6 @@ def copy_rows(to, of):
             to[i, j] = of[i, j]
 
 
-@inline
 def largest(x):
     """The largest absolute value of a vector; NaN if one is."""
     most = 0.0
@@ -97,7 +92,6 @@ class Graph(NamedTuple):
     """work, shape (2, m)."""
 
 
-@inline
 def rate_of(rows, k, u, b, a):
     """Rate of row k at the velocities u."""
     s = 0.0
@@ -109,7 +103,6 @@ def rate_of(rows, k, u, b, a):
     return s
 
 
-@inline
 def add_impulse(rows, k, u, b, a, x):
     """u += M^-1 J^T x of row k."""
     light = rows[k, LIGHT_B] * x
@@ -123,7 +116,6 @@ def add_impulse(rows, k, u, b, a, x):
             u[a, 3 + j] += x * rows[k, TURN_A + j]
 
 
-@inline
 def coupled(rows, i, k, a):
     """Element of the Delassus matrix of two rows of one contact."""
     s = 0.0

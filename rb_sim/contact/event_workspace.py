@@ -45,7 +45,6 @@ from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import ContactEvent
 from rb_sim.mechanics.systems.many_bodies import BODY, vec
 from rb_sim.numerics.complementarity import BOUND_WIDTH
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import dot, norm, scale, sub
 
 # Which contacts touch at an instant, and how fast they move over their support.
@@ -58,19 +57,16 @@ OPEN = 1e-8
 above which they are different solutions; below, it is rounding."""
 
 
-@inline
 def velocity_tolerance_of(system):
     """[m/s]."""
     return SPEED_TOLERANCE * system.speed
 
 
-@inline
 def spin_tolerance_of(system):
     """[rad/s]."""
     return SPEED_TOLERANCE * system.speed / system.length
 
 
-@inline
 def touches(system, c):
     """True if contact c is rigid and its surfaces touch."""
     table = system.contact_table
@@ -79,7 +75,6 @@ def touches(system, c):
     return table[c, GAP] <= TOUCHING * system.length or table[c, BILATERAL] == 1.0
 
 
-@inline
 def find_touching(system, workspace):
     """The contacts that touch take part; returns the one of them that approaches fastest, or -1."""
     table, fastest = system.contact_table, -1
@@ -91,13 +86,11 @@ def find_touching(system, workspace):
     return fastest
 
 
-@inline
 def slip_speed(system, c):
     """[m/s]."""
     return norm(vec(system.contact_table, c, SLIP))
 
 
-@inline
 def turning(system, c):
     """Relative angular velocity of contact c: (across the normal, along it) [rad/s]."""
     turn, n = vec(system.contact_table, c, RELATIVE_SPIN), vec(system.contact_table, c, NORMAL)
@@ -238,13 +231,11 @@ OF_ROUND, CHANGES = 3, 5
 """Most notes of one contact in a round of impacts, and of its changes at one instant."""
 
 
-@inline
 def workspace_left(workspace):
     """For how many notes there is room."""
     return workspace.notes.shape[0] - workspace.written[0]
 
 
-@inline
 def note(workspace, t, c, kind, impulse):
     """Note one event of contact c; impulse: BY it ON its body, world axes [N s]."""
     k = workspace.written[0]
@@ -254,7 +245,6 @@ def note(workspace, t, c, kind, impulse):
     workspace.written[0] = k + 1
 
 
-@inline
 def note_impulses(system, workspace, t, kind):
     """One event for each contact that takes part in the impulses of the workspace."""
     x, J, most = workspace.impulses, workspace.J, 0.0
@@ -274,7 +264,6 @@ def note_impulses(system, workspace, t, kind):
             )  # fmt: skip
 
 
-@inline
 def take_before(system, workspace):
     """Keep the modes that the contacts have before an event."""
     for c in range(workspace.before.shape[0]):
@@ -282,7 +271,6 @@ def take_before(system, workspace):
             workspace.before[c, j] = system.contact_table[c, j]
 
 
-@inline
 def note_way(system, workspace, t, c, way, kinds):
     """Note a change of one kind of friction; way: columns of its mode and its bound, kinds: those
     of its beginning and its end."""
@@ -292,7 +280,6 @@ def note_way(system, workspace, t, c, way, kinds):
         note(workspace, t, c, kinds[1] if now == STUCK else kinds[0], (0.0, 0.0, 0.0))
 
 
-@inline
 def note_changes(system, workspace, t):
     """Note what opened, closed, slipped and stuck."""
     table, before = system.contact_table, workspace.before

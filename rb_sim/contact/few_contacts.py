@@ -53,7 +53,7 @@ from rb_sim.numerics.complementarity import (
     row_times,
     solution,
 )
-from rb_sim.numerics.kernels import inline, integers, part, pointer
+from rb_sim.numerics.kernels import integers, part, pointer
 from rb_sim.numerics.linear_solves import copy_system, decomposed
 
 MOST_CONTACTS, MOST_JOINTS = 20, 60
@@ -67,7 +67,6 @@ TURNS = 20
 normal impulses that it has led to."""
 
 
-@inline
 def are_few(graph):
     """Whether a graph is solved densely: contacts and joints are few, and it is not a heap, of
     bodies that touch each other with nothing besides."""
@@ -79,7 +78,6 @@ def are_few(graph):
     return few and not (touch and is_plain(graph))
 
 
-@inline
 def list_rows(graph, places):
     """Write the rows of all contacts that may carry an impulse, normal first; how many."""
     n, rules = 0, graph.rules
@@ -95,7 +93,6 @@ def list_rows(graph, places):
     return n
 
 
-@inline
 def fill_problem(graph, u, x, places, A, b, terms, r):
     """A of the rows at these places with joints that follow, their impulses r, and b, without what
     friction without a corner gives; terms: sizes of the summands of b."""
@@ -125,7 +122,6 @@ def fill_problem(graph, u, x, places, A, b, terms, r):
             A[m, m] += graph.rules[places[m] // CONTACT_ROWS, COMPLIANCE]
 
 
-@inline
 def fill_laws(graph, places, r, rules, bounds, limits, slack):
     """Rules, bounds and limits of the rows at these places; returns how many bounds there are.
 
@@ -151,7 +147,6 @@ def fill_laws(graph, places, r, rules, bounds, limits, slack):
     return m
 
 
-@inline
 def hold(p, slow, x, rules, b):
     """Copy rules and b of a problem, but let each unilateral row that does not open at the solution
     x hold both ways, and put each other one out of reach."""
@@ -163,7 +158,6 @@ def hold(p, slow, x, rules, b):
             b[k] = math.inf
 
 
-@inline
 def find_least(p, held, rules, b, x, work):
     """Replace x by the least x that solves the laws, linear about x, until it stays the same, where
     what would pull no longer holds.  Returns the unknowns that are not determined; -1 if x does
@@ -199,14 +193,12 @@ def find_least(p, held, rules, b, x, work):
     return -1
 
 
-@inline
 def misfit(p, x, work):
     """Residual of the laws at x, see `relative`."""
     n = p.n
     return relative(p, equations(p, x, work, part(work, n), part(work, 2 * n)), x)
 
 
-@inline
 def largest_change(p, x, other):
     """(the largest change of w between two solutions, relative to what x makes of one)."""
     most, made = 0.0, 0.0
@@ -217,7 +209,6 @@ def largest_change(p, x, other):
     return most / made if most > SOLVED_IN_CONTACT * made else 0.0
 
 
-@inline
 def slips(p, slow, x):
     """Whether w of any friction row is more than slow."""
     for k in range(p.n):
@@ -226,7 +217,6 @@ def slips(p, slow, x):
     return False
 
 
-@inline
 def find_open(p, held, slow, rules, b, x, other, work):
     """(the largest change of w if a contact that pushes in the least solution x did not, and the
     row of that contact; 0 and 0 where w is the same).  other: n numbers, the rest as in
@@ -246,7 +236,6 @@ def find_open(p, held, slow, rules, b, x, other, work):
     return figure, of
 
 
-@inline
 def take_least(p, slow, x, look):
     """Let the solution x of a problem be the least one; returns (unknowns that the laws do not
     determine, what `find_open` finds if asked to look).  slow: w that is none."""
@@ -268,7 +257,6 @@ def take_least(p, slow, x, look):
     return free, figure, of
 
 
-@inline
 def solve_near(p, terms, x):
     """Replace x by the solution near it, or by any other if none is found there."""
     numbers = np.empty(p.n * (2 * p.n + 7))
@@ -277,7 +265,6 @@ def solve_near(p, terms, x):
         solution(p, terms, x)
 
 
-@inline
 def take_over(graph, u, x, joints, places, r):
     """Let the impulses of the rows at these places be r; u and those of the joints follow."""
     for m in range(places.shape[0]):
@@ -287,7 +274,6 @@ def take_over(graph, u, x, joints, places, r):
     relax_joints(graph, u, joints)
 
 
-@inline
 def some_turn(graph):
     """Whether any contact resists rolling or spinning."""
     for i in range(graph.ends.shape[0]):
@@ -296,7 +282,6 @@ def some_turn(graph):
     return False
 
 
-@inline
 def solve_few(graph, u, x, joints, slow, look):
     """Solve a graph of which `are_few` is true from what sweeps have left, with the least shares
     where the laws leave them open.

@@ -39,7 +39,6 @@ from rb_sim.contact.contact_graph import (
     coupled,
     rate_of,
 )
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.rank import RANK_TOLERANCE
 
 # One contact alone, exactly: the reaction that Signorini's and Coulomb's laws leave it.
@@ -64,7 +63,6 @@ ROUGH = 1e8
 """Coefficient of friction beyond which none slips."""
 
 
-@inline
 def held_back(a, b, c, p, q, stiff):
     """-(S + stiff)^-1 (p, q) of the symmetric S = (a b; b c)."""
     a, c = a + stiff, c + stiff
@@ -72,7 +70,6 @@ def held_back(a, b, c, p, q, stiff):
     return (b * q - c * p) / area, (b * p - a * q) / area
 
 
-@inline
 def on_bound(a, b, c, p, q, m0, m1, m2):
     """(x, y) = -(S + lambda)^-1 (p, q) with lambda >= 0 and |(x, y)| = m0 + m1 x + m2 y.
 
@@ -109,7 +106,6 @@ def on_bound(a, b, c, p, q, m0, m1, m2):
     return x, y
 
 
-@inline
 def within_circle(a, b, c, p, q, most):
     """(x, y) with S (x, y) + (p, q) = 0, or of size `most` against what is left of it."""
     if not most > 0.0:
@@ -120,7 +116,6 @@ def within_circle(a, b, c, p, q, most):
     return on_bound(a, b, c, p, q, most, 0.0, 0.0)
 
 
-@inline
 def one_contact(w, q, mu):
     """The reaction (r_n, r_1, r_2) of a contact.
 
@@ -155,7 +150,6 @@ BODY, PARENT, LEFT_OUT = 0, 1, 2
 """Columns of Graph.joint_ends."""
 
 
-@inline
 def factor_joints(graph, bodies):
     """Fill graph.joint_factor: L below its diagonal, 1 / D on it, 0 there for no impulse."""
     rows, ends, F, diagonal = graph.joint_rows, graph.joint_ends, graph.joint_factor, graph.spare[0]
@@ -182,7 +176,6 @@ def factor_joints(graph, bodies):
         F[k, k] = inverse
 
 
-@inline
 def give_joints(graph, u, d):
     """Give the joints the impulses by which their rates become d higher, into d and u."""
     rows, ends, F = graph.joint_rows, graph.joint_ends, graph.joint_factor
@@ -198,7 +191,6 @@ def give_joints(graph, u, d):
         add_impulse(rows, k, u, ends[k, BODY], ends[k, PARENT], d[k])
 
 
-@inline
 def relax_joints(graph, u, x):
     """Let all joints hold at once, with the contacts as they are; the largest change [N s]."""
     rows, ends, d, most = graph.joint_rows, graph.joint_ends, graph.spare[1], 0.0
@@ -214,7 +206,6 @@ def relax_joints(graph, u, x):
     return most
 
 
-@inline
 def sweep_joints(graph, u, x):
     """Let each row of the joints hold in turn; the largest change [N s]."""
     rows, ends, most = graph.joint_rows, graph.joint_ends, 0.0
@@ -229,7 +220,6 @@ def sweep_joints(graph, u, x):
     return most
 
 
-@inline
 def fill_block(graph, c):
     """The own block of contact c, with what its support gives."""
     k, a, block = CONTACT_ROWS * c, graph.ends[c, 1], graph.blocks
@@ -241,7 +231,6 @@ def fill_block(graph, c):
     block[c, 5] = coupled(graph.rows, k + 2, k + 2, a)
 
 
-@inline
 def changed_to(graph, u, x, k, b, a, value):
     """Set the impulse of row k; the size of the change."""
     change = value - x[k]
@@ -251,7 +240,6 @@ def changed_to(graph, u, x, k, b, a, value):
     return abs(change)
 
 
-@inline
 def pair_of_rows(graph, u, x, k, b, a, most, give):
     """Two rows whose impulses together are at most of size `most`; the size of the change."""
     rows = graph.rows
@@ -267,7 +255,6 @@ def pair_of_rows(graph, u, x, k, b, a, most, give):
     return max(change, changed_to(graph, u, x, k + 1, b, a, w))
 
 
-@inline
 def add_contact_impulse(rows, k, u, b, a, d0, d1, d2):
     """u += M^-1 J^T d of the rows k, k + 1 and k + 2, which share their bodies."""
     light = rows[k, LIGHT_B]
@@ -284,7 +271,6 @@ def add_contact_impulse(rows, k, u, b, a, d0, d1, d2):
             u[a, 3 + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
 
 
-@inline
 def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     """Normal and friction of contact c by Coulomb's law, together; the size of the change.
 
@@ -316,13 +302,11 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     return change
 
 
-@inline
 def viscosity_of(rules, c, normal):
     """Impulse per slip of the friction of contact c, which has no corner, at a normal impulse."""
     return rules[c, VISCOUS_PER_NORMAL] * abs(normal) + rules[c, VISCOUS]
 
 
-@inline
 def relax_in_turn(graph, u, x, c, k, b, a):
     """Normal first, then friction, where N may pull or friction has no corner."""
     rules = graph.rules
@@ -343,7 +327,6 @@ def relax_in_turn(graph, u, x, c, k, b, a):
     return change
 
 
-@inline
 def relax(graph, u, x, c, size):
     """Solve contact c with the others as they are; the size of the change [N s]."""
     rules = graph.rules
@@ -356,7 +339,6 @@ def relax(graph, u, x, c, size):
     return change
 
 
-@inline
 def relax_turning(graph, u, x, c, size):
     """Moments against rolling and spinning of contact c; the size of the change [N s]."""
     k, b, a = CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1]
@@ -373,7 +355,6 @@ def relax_turning(graph, u, x, c, size):
     return change
 
 
-@inline
 def is_plain(graph):
     """Whether the graph is a friction problem with nothing besides."""
     plain = graph.joint_rows.shape[0] == 0
@@ -384,7 +365,6 @@ def is_plain(graph):
     return plain
 
 
-@inline
 def largest_of(x, joints):
     """The largest |impulse| of contacts and joints."""
     most = 0.0
@@ -395,7 +375,6 @@ def largest_of(x, joints):
     return most
 
 
-@inline
 def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
     """Sweep until no impulse changes by more than `settled` of the largest, at most `sweeps` times.
 

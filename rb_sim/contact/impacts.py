@@ -78,7 +78,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, RESPONSE, WIDTH
 from rb_sim.numerics.complementarity import EQUALITY, FRICTION, UNILATERAL, fill_steps
-from rb_sim.numerics.kernels import inline, pointer
+from rb_sim.numerics.kernels import pointer
 
 # Series of impacts without end: bounces closed at once, chatter, flights between.
 
@@ -152,7 +152,6 @@ def forget_bounces(workspace: Workspace) -> None:
     workspace.rests[:] = math.inf
 
 
-@inline
 def acceleration_along(system, workspace, k):
     """Of row k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
     s = workspace.row_bias[k]
@@ -165,7 +164,6 @@ def acceleration_along(system, workspace, k):
     return s
 
 
-@inline
 def free_normal_acceleration(system, workspace, t, y, c):
     """Of the gap, with contact c open and the others as they are [m/s^2]."""
     mode = system.contact_table[c, CLOSED]
@@ -175,7 +173,6 @@ def free_normal_acceleration(system, workspace, t, y, c):
     return acceleration_along(system, workspace, first_row_of(system, c))
 
 
-@inline
 def is_low(system, workspace, t, y, c):
     """True if contact c falls from, or rises to, a height that is too low to tell."""
     fall = -free_normal_acceleration(system, workspace, t, y, c)
@@ -183,7 +180,6 @@ def is_low(system, workspace, t, y, c):
     return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
 
 
-@inline
 def see_rest(workspace, c, t):
     """One more bounce of contact c tells that its series will be over at t."""
     change = abs(t - workspace.rests[c, LAST])
@@ -192,7 +188,6 @@ def see_rest(workspace, c, t):
     workspace.rests[c, LAST] = t
 
 
-@inline
 def close_endless(system, workspace, t, y):
     """Contacts whose further bounces would all be over at once become plastic, and no others."""
     table = system.contact_table
@@ -211,7 +206,6 @@ def close_endless(system, workspace, t, y):
             note(workspace, workspace.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
 
 
-@inline
 def close_rocking(system, workspace, t, y):
     """Contacts that strike and part in turns, too low to tell, close together; returns whether
     there are any."""
@@ -241,7 +235,6 @@ def close_rocking(system, workspace, t, y):
     return any_together
 
 
-@inline
 def count_bounces(workspace):
     """An impact has been: contacts that part after it have bounced once more, others rest."""
     for c in range(workspace.rests.shape[0]):
@@ -263,7 +256,6 @@ LANDED = 2.4
 """Times to the top of a flight after which it is over, also where its fall changes a little."""
 
 
-@inline
 def time_of_flights(system, workspace, t, y, fixed):
     """(time within which the flights that begin here have to be looked at [s], inf where there are
     none; 0, or 1 + a contact whose drag lifts off what falls back at once).
@@ -308,14 +300,12 @@ class Rule(NamedTuple):
     where there are no other impulses."""
 
 
-@inline
 def grips(system, c, v):
     """True if contact c is perfectly rough and does not part."""
     rough = system.contact_table[c, KINETIC] == math.inf
     return rough and v[first_row_of(system, c)] <= velocity_tolerance_of(system)
 
 
-@inline
 def friction_limits(system, c, v):
     """Largest tangential over normal impulse of contact c: what its law gives at the slip before
     the impact."""
@@ -323,7 +313,6 @@ def friction_limits(system, c, v):
     return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
-@inline
 def lay_out_impact(system, workspace, v, together, loose):
     """The rows and laws of an impact of what takes part; returns (rows, bounds).
 
@@ -349,7 +338,6 @@ def lay_out_impact(system, workspace, v, together, loose):
     return n, m
 
 
-@inline
 def take_least_shares(system, workspace, m, A, b, terms, x):
     """Where impulses have many solutions, let x be the least of them, as in time stepping (see
     `few_contacts`); workspace.undetermined tells how far others end in another motion.
@@ -371,7 +359,6 @@ def take_least_shares(system, workspace, m, A, b, terms, x):
             x[i] = units[i] * least[i]
 
 
-@inline
 def try_impulses(system, workspace, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
     n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
@@ -392,7 +379,6 @@ def try_impulses(system, workspace, before, rule, loose, x):
     return status
 
 
-@inline
 def impulses_with(system, workspace, before, rule, x):
     """Into x the impulses with w = A x + v + e v-, of all rows; returns SOLVED, UNSOLVED or
     NOT_FINITE."""
@@ -408,7 +394,6 @@ def impulses_with(system, workspace, before, rule, x):
     return status
 
 
-@inline
 def gains_energy(system, workspace, u, x):
     """True if the impulses would create kinetic energy (driven supports may)."""
     p, du = np.empty_like(u), np.empty_like(u)
@@ -423,7 +408,6 @@ def gains_energy(system, workspace, u, x):
     return work > COMPUTED_ROUNDING * size
 
 
-@inline
 def poisson_impulses(system, workspace, before, rebound, x):
     """Into x those of compression to rest, then of at least e times its normal impulse once
     more."""
@@ -454,7 +438,6 @@ TIED = 1e-9
 that lands, rounding must not decide which corner strikes first."""
 
 
-@inline
 def must_stop_slipping(system, c):
     """A perfectly rough contact that has just come to be, does not part, and slips."""
     table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
@@ -462,7 +445,6 @@ def must_stop_slipping(system, c):
     return table[c, STATIC] == math.inf and stays and slip_speed(system, c) > velocity_tolerance
 
 
-@inline
 def apply_impulses(system, workspace, t, y, x):
     """Add the impulses to the velocities, and their work to that of the contacts."""
     u, p = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.free_accelerations)
@@ -480,7 +462,6 @@ def apply_impulses(system, workspace, t, y, x):
     write_all_rows(system, t, y, workspace)
 
 
-@inline
 def impulses_of_strike(system, workspace, before, fastest, x):
     """Into x the impulses of what takes part, by the first of the rules that has some and gains no
     energy."""
@@ -508,7 +489,6 @@ def impulses_of_strike(system, workspace, before, fastest, x):
     return status
 
 
-@inline
 def strike(system, workspace, t, y, alone):
     """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
 
@@ -551,7 +531,6 @@ def strike(system, workspace, t, y, alone):
     return STRUCK
 
 
-@inline
 def strike_in_rounds(system, workspace, t, y, first, last, single):
     """Rounds of impacts from the first on until nothing approaches; an endless series of bounces is
     closed. single: so many rounds strike one contact at a time.

@@ -80,7 +80,7 @@ from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.complementarity import EQUALITY
-from rb_sim.numerics.kernels import inline, part, pointer
+from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
 from rb_sim.numerics.vectors import add, norm, perpendicular, scale
@@ -92,7 +92,6 @@ FEW = 20
 """Rows up to which pivots tell that they do not depend on each other."""
 
 
-@inline
 def find_held(system, workspace):
     """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
     table, n = system.contact_table, 0
@@ -105,7 +104,6 @@ def find_held(system, workspace):
     return n
 
 
-@inline
 def may_share(system, workspace):
     """False where what holds has one set of reactions for certain; no self-stress is kept then.
 
@@ -135,7 +133,6 @@ WHOLE, JAMMED_ONES, TOO_LARGE = 0, 1, 2
 paradox); numbers that are not finite."""
 
 
-@inline
 def open_contact(table, c):
     """Set all modes of contact c to those of an open one."""
     table[c, CLOSED] = NONE
@@ -145,7 +142,6 @@ def open_contact(table, c):
     table[c, CREEPS] = 0.0
 
 
-@inline
 def sort_contacts(system, workspace, code):
     """Which contacts may close, and which compliant ones are pressed, into `workspace.taking_part`;
     opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
@@ -173,7 +169,6 @@ def sort_contacts(system, workspace, code):
     return count
 
 
-@inline
 def first_guess(system, c, lifts_off):
     """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
     table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
@@ -200,14 +195,12 @@ def first_guess(system, c, lifts_off):
         table[c, SPIN_SIGN] = math.copysign(1.0, about)
 
 
-@inline
 def size_of(w, workspace, i):
     """|w| of the rows of the i-th bound."""
     first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
 
 
-@inline
 def begin_to_move(system, workspace, i, x, w, size):
     """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
     table, c, way = system.contact_table, workspace.moves[i, 0], workspace.moves[i, 1]
@@ -231,7 +224,6 @@ def begin_to_move(system, workspace, i, x, w, size):
     keep(table, c, SLIP_DIRECTION if way == 0 else ROLL_DIRECTION, add(scale(y, t1), scale(z, t2)))
 
 
-@inline
 def read_modes(system, workspace, n, m, x, w):
     """Modes from forces x and accelerations w of n rows."""
     table, size, most = system.contact_table, 0.0, 0.0
@@ -253,7 +245,6 @@ def read_modes(system, workspace, n, m, x, w):
             begin_to_move(system, workspace, i, x, w, size)
 
 
-@inline
 def moving(workspace):
     """How many have left their rest."""
     count = 0
@@ -263,7 +254,6 @@ def moving(workspace):
     return count
 
 
-@inline
 def find_forces(system, workspace, t, y):
     """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
     becomes of it (see laws)."""
@@ -292,7 +282,6 @@ def find_forces(system, workspace, t, y):
     return SOLVED
 
 
-@inline
 def choose(system, workspace, t, y, code):
     """Decide which contacts are closed, slip, stick, roll, and bring y back to that manifold.
 

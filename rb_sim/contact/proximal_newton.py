@@ -47,7 +47,6 @@ from rb_sim.contact.contact_graph import (
 )
 from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
-from rb_sim.numerics.kernels import inline
 
 # Elimination of a matrix of 6 x 6 blocks, one row and column of blocks for each body.
 #
@@ -58,7 +57,6 @@ from rb_sim.numerics.kernels import inline
 SIZE = 6
 
 
-@inline
 def first_of_fewest(linked, done):
     """The body that is not done and is linked with the fewest that are not."""
     best, fewest = -1, linked.shape[0] + 1
@@ -74,7 +72,6 @@ def first_of_fewest(linked, done):
     return best
 
 
-@inline
 def neighbours(linked, done, b, found):
     """The bodies not done that b is linked with into `found`, and linked with each other, as they
     are once b is eliminated; returns how many."""
@@ -90,7 +87,6 @@ def neighbours(linked, done, b, found):
     return n
 
 
-@inline
 def factorise_block(H, p):
     """H_pp = L U in place; False where a pivot is none."""
     for k in range(p, p + SIZE):
@@ -103,7 +99,6 @@ def factorise_block(H, p):
     return True
 
 
-@inline
 def by_upper(H, q, p):
     """H_qp U^-1 of the factors of H_pp, in place."""
     for i in range(q, q + SIZE):
@@ -114,7 +109,6 @@ def by_upper(H, q, p):
             H[i, k] = s / H[k, k]
 
 
-@inline
 def by_lower(H, p, s):
     """L^-1 H_ps, in place."""
     for i in range(p + 1, p + SIZE):
@@ -124,7 +118,6 @@ def by_lower(H, p, s):
                 H[i, j] -= f * H[k, j]
 
 
-@inline
 def take_product(H, q, p, s):
     """H_qs -= H_qp H_ps, a row of H_qs at a time in registers."""
     for i in range(q, q + SIZE):
@@ -138,7 +131,6 @@ def take_product(H, q, p, s):
         H[i, s + 3], H[i, s + 4], H[i, s + 5] = h3, h4, h5
 
 
-@inline
 def eliminate(H, g, linked, order, done, found):
     """Solve H x = g in place of g; False where a pivot is none.
 
@@ -171,7 +163,6 @@ def eliminate(H, g, linked, order, done, found):
     return True
 
 
-@inline
 def substitute_back(H, g, linked, order, done):
     """U x = g in place of g; done: 1 for all bodies."""
     N = linked.shape[0]
@@ -208,13 +199,11 @@ RIGID = 1e200
 """Stiffness and grip of the laws themselves."""
 
 
-@inline
 def block_size(blocks, i):
     """The largest diagonal element of the own block of contact i."""
     return max(blocks[i, 0], max(blocks[i, 3], blocks[i, 5]))
 
 
-@inline
 def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
     """Fill r = A - D v of the active set at (u, x); the size of the natural map over the largest
     impulse.  c: centres of the proximal step; stiff, grip: RIGID for the laws themselves,
@@ -265,7 +254,6 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
     return most / largest if largest > 0.0 else most
 
 
-@inline
 def fill_matrix(ends, rows, bodies, D, H, linked):
     """H = M + J^T D J; linked: 1 for bodies that a contact which pushes joins."""
     for i in range(H.shape[0]):
@@ -305,7 +293,6 @@ def fill_matrix(ends, rows, bodies, D, H, linked):
                         H[6 * b + m, 6 * a + j] += T_j
 
 
-@inline
 def by_active_set(rows, targets, A, D, u, i, b, a):
     """Impulses A - D v of contact i at the velocities u."""
     k = CONTACT_ROWS * i
@@ -319,7 +306,6 @@ def by_active_set(rows, targets, A, D, u, i, b, a):
     )
 
 
-@inline
 def add_misfit(ends, rows, targets, A, D, u, x, g):
     """g += J^T (A - D v - r)."""
     for i in range(ends.shape[0]):
@@ -334,7 +320,6 @@ def add_misfit(ends, rows, targets, A, D, u, x, g):
                 g[6 * a + j] += d0 * rows[k, m] + d1 * rows[k + 1, m] + d2 * rows[k + 2, m]
 
 
-@inline
 def take_impulses(ends, rows, targets, A, D, u, x, moved):
     """x = A - D v at the velocities u + moved; u follows from x."""
     for b in range(u.shape[0]):
@@ -347,7 +332,6 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
         x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
 
 
-@inline
 def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
     """Newton's method on one proximal step around c, from (u, x), until that is solved or the laws
     themselves are kept to `enough`.
@@ -375,7 +359,6 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
     return e, given, made
 
 
-@inline
 def residual_of(graph, u, x, A, D):
     """Size of the natural map of the laws themselves over the largest impulse; A, D: workspace."""
     ends, rows, targets = graph.ends, graph.rows, graph.targets
@@ -383,7 +366,6 @@ def residual_of(graph, u, x, A, D):
     return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
 
 
-@inline
 def put_into_cones(graph, u, x):
     """Let no contact pull, nor rub beyond its bound: what Newton's method leaves of a slip that
     turns is along the edge of the cone, and so out of it; u follows."""
@@ -398,7 +380,6 @@ def put_into_cones(graph, u, x):
             x[k], x[k + 1], x[k + 2] = normal, x[k + 1] + d1, x[k + 2] + d2
 
 
-@inline
 def proximal_newton(graph, bodies, u, x, enough):
     """Solve a graph that is a friction problem with nothing besides (see is_plain), from impulses x
     that some sweeps have brought near; x and u (velocities that x has been pushed into) change.
@@ -459,7 +440,6 @@ SPELL = 60
 that follows."""
 
 
-@inline
 def solve_exactly(graph, bodies, u, x, joints, size, settled, sweeps):
     """As `gauss_seidel`, with Newton's method between spells of at most `sweeps` sweeps in all:
     sweeps come near from anywhere, Newton's method ends them."""
@@ -473,7 +453,6 @@ def solve_exactly(graph, bodies, u, x, joints, size, settled, sweeps):
     return rest, made
 
 
-@inline
 def sweep_near(graph, u, x, enough):
     """Spells of sweeps until x is as near to the laws as `enough`, given up when the last one tells
     that NEAR_SPELLS of them would not do.

@@ -20,7 +20,7 @@ import math
 from rb_sim.graph.vector_code import LANES
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
-from rb_sim.numerics.kernels import call_law, loop, part, pointer
+from rb_sim.numerics.kernels import call_law, entry, part, pointer
 
 OPEN = -1
 """Status of an unfinished run."""
@@ -54,7 +54,7 @@ def note_fixed(n, new, statuses):
     return left
 
 
-@loop
+@entry
 def fixed(law, h, n, clock, count, buffer, inputs, times, most, out, statuses):
     """Advance LANES runs in fixed steps of h to each of `times`; out: (LANES, times, n)
     coordinates.
@@ -98,7 +98,7 @@ def fixed(law, h, n, clock, count, buffer, inputs, times, most, out, statuses):
             statuses[lane] = FINE
 
 
-@loop
+@entry
 def samples(law, n, first, path, inputs_of, times, inputs, buffer, rows, samples_of):
     """Write samples_of (LANES, times, width) from the coordinates `path` (runs, times, n).
 
@@ -276,7 +276,7 @@ def judge(k, n, lane, state, queue, out):
     return OPEN
 
 
-@loop
+@entry
 def adaptive(law, n, lanes, buffer, inputs, runs, queue_of, times_of, most, paths, results):
     """Advance all runs to each of `times_of` with adaptive steps; True once all have ended.
 

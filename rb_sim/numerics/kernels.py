@@ -166,11 +166,6 @@ def _table_at(f: Any, place: Value, length: Value) -> Value:
     return arrays.shaped(begin, "real", [numbers.integer(f, length)])
 
 
-def loop(function: Function) -> Any:
-    """Decorator of a function that Python calls with arrays and numbers: it is compiled."""
-    return Entry(function)
-
-
 class ForPython:
     """A loop f(places) that Python calls with the address of its integers; see `where`.
 
@@ -315,16 +310,11 @@ def dispatch(stub: Kernel) -> Any:
 # those that compiled code calls are compiled with it and need no mark.
 
 
-__all__ = ["branching", "by_address", "dispatch", "entry", "inline", "on_compilation"]
-
-
-def inline(function: Kernel) -> Any:
-    """Decorator of a function that is compiled with its callers; unchanged in Python."""
-    return function
+__all__ = ["branching", "by_address", "dispatch", "entry", "on_compilation"]
 
 
 def branching(function: Kernel) -> Any:
-    """As `inline`, for a short function that branches on numbers: a trace follows every path."""
+    """Decorator of a short function that branches on numbers: a trace follows every path."""
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:

@@ -22,13 +22,13 @@ from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, ta
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def example(seed: int) -> tuple[Polynomial, tuple[float, ...], float]:
+def example(seed: int) -> tuple[Polynomial, tuple[float, float, float, float], float]:
     """A cubic p(s), its values and rates at the ends of a span, the span's width."""
     rng = np.random.default_rng(seed)
     p, width = Polynomial(rng.normal(size=4) * 10.0 ** rng.integers(-2, 3, 4)), rng.uniform(0.1, 9)
     rate = p.deriv()
-    ends = (p(0.0), rate(0.0) / width, p(1.0), rate(1.0) / width)
-    return p, tuple(float(x) for x in ends), float(width)
+    ends = float(p(0.0)), float(rate(0.0)) / width, float(p(1.0)), float(rate(1.0)) / width
+    return p, ends, float(width)
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -20,7 +20,7 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest, off_segment
 from rb_sim.catalogue.spec import Vec3
 from rb_sim.graph.symbols import External, call
-from rb_sim.numerics.kernels import inline, routine, table_at
+from rb_sim.numerics.kernels import routine, table_at
 from rb_sim.numerics.vectors import ZERO, dot, perpendicular, sub
 
 
@@ -100,15 +100,12 @@ def hull_at(place):
     )
 
 
-hull_in_loops = inline(hull_at)
-
-
 @routine
 def nearest_of_packed_hull(arguments, results):
     """arguments: address of the tables, x, x_dot; results: distance, u, its rate."""
     x = (arguments[1], arguments[2], arguments[3])
     x_dot = (arguments[4], arguments[5], arguments[6])
-    distance, u, u_dot = nearest_of_hull(hull_in_loops(arguments[0]), x, x_dot)
+    distance, u, u_dot = nearest_of_hull(hull_at(arguments[0]), x, x_dot)
     results[0] = distance
     for i in range(3):
         results[1 + i], results[4 + i] = u[i], u_dot[i]

@@ -89,7 +89,7 @@ from rb_sim.mechanics.systems.elimination import largest_pivots
 from rb_sim.mechanics.systems.many_bodies import WIDTH, state_of, vec
 from rb_sim.mechanics.systems.multibody import put_rates
 from rb_sim.motion.traced import settings_of
-from rb_sim.numerics.kernels import by_address, entry, inline, part, pointer
+from rb_sim.numerics.kernels import by_address, entry, part, pointer
 from rb_sim.numerics.vectors import norm
 from rb_sim.scene.compiled import Compiled
 
@@ -114,7 +114,6 @@ FASTEST = 1e-3
 """Slip, in speeds of the scene, beyond which differences do not grow with it."""
 
 
-@inline
 def slowest_slip(system):
     """The least speed of a slip whose friction has a corner, over the scene's."""
     table, least = system.contact_table, FASTEST * system.speed
@@ -124,7 +123,6 @@ def slowest_slip(system):
     return least / system.speed
 
 
-@inline
 def difference(system, k, slip):
     """Of the k-th coordinate of a body; slip: the slowest."""
     if k >= 7:
@@ -258,7 +256,6 @@ def stepping_of(compiled: Compiled, method: Any, compliant_friction: bool) -> St
 # it.
 
 
-@inline
 def find_changing(system):
     """Number the rows that are chosen anew as those that hold; (how many, how many are chosen)."""
     count, rank = 0, 0
@@ -272,7 +269,6 @@ def find_changing(system):
     return count, rank
 
 
-@inline
 def choose_rows(system, t, y):
     """Choose anew at (t, y), a state on the manifold, where a step begins."""
     count, rank = find_changing(system)
@@ -294,13 +290,11 @@ def choose_rows(system, t, y):
         system.row_table[system.row_table[m, ACTIVE], DEPENDENT] = CHANGING + left_out
 
 
-@inline
 def free_rank(system):
     """Let each state have the rank that it is found to have."""
     system.row_table[0, MOST_RANK] = system.row_table.shape[0]
 
 
-@inline
 def choose_rank(system, t, y):
     """Choose the rank that all stages of the next step have at most: that at (t, y), a state on the
     manifold, where it lasts.
@@ -347,7 +341,6 @@ RETRIES = 20
 """Steps tried, each shorter by GRADE, where one has no solution."""
 
 
-@inline
 def before_jam(system, grid):
     """Where the step has to end, at the latest, not to jump over the instant at which a slipping
     contact jams."""
@@ -363,7 +356,6 @@ def before_jam(system, grid):
     return last
 
 
-@inline
 def jam_that_is_due(system):
     """Code of the event that a slipping contact jams, where its pivot vanishes faster than the
     clock can tell; or -1.
@@ -378,7 +370,6 @@ def jam_that_is_due(system):
     return -1
 
 
-@inline
 def bears(system):
     """Whether a contact is closed: else a step without a solution is too long for the loads."""
     for c in range(system.contact_table.shape[0]):
@@ -387,7 +378,6 @@ def bears(system):
     return False
 
 
-@inline
 def shorter_step(method, system, grid, work):
     """(status, event code, grid): the step that failed from t0, as long as it can be.
 

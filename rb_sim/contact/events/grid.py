@@ -56,7 +56,7 @@ from rb_sim.mechanics.contact.event_functions import (
 )
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, state_of, vec
-from rb_sim.numerics.kernels import call_step, inline, part, pointer
+from rb_sim.numerics.kernels import call_step, part, pointer
 from rb_sim.numerics.vectors import dot, norm, sub
 
 # Where steps come near the end, or the beginning, of a slip or of a rolling.
@@ -97,7 +97,6 @@ STRAIGHT = 1e-6
 direction is known."""
 
 
-@inline
 def time_to_stop(table, c, i, mode):
     """Time after which the slip or the rolling of contact c, event function i, would vanish at its
     present rate; FREE if it does not slow down."""
@@ -107,7 +106,6 @@ def time_to_stop(table, c, i, mode):
     return max(-level / rate, 0.0) if slows else FREE
 
 
-@inline
 def lightness(system, y, b, p):
     """(acceleration that a force of 1 N at p gives p at most, angular acceleration that a torque of
     1 N m gives at most) of body b; 0 of the world."""
@@ -118,7 +116,6 @@ def lightness(system, y, b, p):
     return 1.0 / system.bodies[b, MASS] + about * dot(r, r), about
 
 
-@inline
 def own_rate(system, y, c, i):
     """a, what friction itself gives the slip or the rolling of contact c, in the units of its event
     function i [1/s]."""
@@ -132,7 +129,6 @@ def own_rate(system, y, c, i):
     return table[c, ROLLING_ARM] * normal_force * (turns_B + turns_A) / natural_turning(system)
 
 
-@inline
 def was_turned(system, c, i, sine):
     """True if the last step has turned the slip or the rolling of contact c by more than that."""
     table = system.contact_table
@@ -143,7 +139,6 @@ def was_turned(system, c, i, sine):
     return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
 
 
-@inline
 def longest_step(system, y, c, i, mode, h):
     """The longest step from y, up to h, that the slip or the rolling of contact c allows."""
     table, level = system.contact_table, system.contact_table[c, EVENT_FUNCTIONS_BEFORE + i]
@@ -160,14 +155,12 @@ def longest_step(system, y, c, i, mode, h):
     return max(turned, TURNS * SLOW * h) if aside else h
 
 
-@inline
 def is_followed(method):
     """True for steps of fixed length of an explicit method.  An implicit one is stable, but may
     have no solution across the end: where it fails, `steps.shorter_step` comes near it."""
     return method.setting[1] == 0.0 and method.setting[4] == 0.0
 
 
-@inline
 def before_noise(method, system, grid, implicit):
     """Where the last step of an adaptive method has to end, at the latest, lest errors keep alive a
     slip that ends and is hardly faster than they are: one that has turned it is made again."""
@@ -192,7 +185,6 @@ def before_noise(method, system, grid, implicit):
     return last
 
 
-@inline
 def before_stop(method, system, grid, implicit):
     """Where the last step has to end, at the latest, for what slips or rolls slowly.
 
@@ -209,7 +201,6 @@ def before_stop(method, system, grid, implicit):
     return last
 
 
-@inline
 def stop_that_is_due(method, system, t):
     """Code of the event that a slip or a rolling ends, to which steps of fixed length have come at
     t; or -1.  After `look_ahead`.  What is left may be less than the clock resolves."""
@@ -242,7 +233,6 @@ IMPLICIT_ORDER = 4.0
 """Of the error estimate of the implicit step."""
 
 
-@inline
 def note_stiffness(system, y):
     """The rates at which friction turns slips that go on, where a step starts: on what gives way; a
     slip on a rigid support that is as slow goes on as before."""
@@ -261,7 +251,6 @@ def note_stiffness(system, y):
             table[c, STIFF] = rate if lasts else 0.0
 
 
-@inline
 def shortened(system, tried):
     """(whether a step of this length is an implicit one, its length); it ends before slips do."""
     table, rate, soon = system.contact_table, 0.0, FREE
@@ -292,7 +281,6 @@ class Stepping(NamedTuple):
     """address of the rate's Jacobian, or the function."""
 
 
-@inline
 def copy(to, of):
     """The numbers of `of`, in `to`."""
     for i in range(of.shape[0]):
@@ -300,7 +288,6 @@ def copy(to, of):
     return to
 
 
-@inline
 def finite(y):
     """True if no coordinate is NaN or infinite."""
     total = 0.0
@@ -309,13 +296,11 @@ def finite(y):
     return total - total == 0.0
 
 
-@inline
 def is_implicit(work):
     """True if the step at hand is an implicit one for stiff slips: its last row says so."""
     return work[work.shape[0] - 1, 0] == 1.0
 
 
-@inline
 def choose_step(method, system, t0, t, h, work):
     """(length, end) of a step from t0 to t, of length h: an implicit one where slow slips are
     stiff, which ends before a slip does."""
@@ -326,7 +311,6 @@ def choose_step(method, system, t0, t, h, work):
     return tried, t if tried == h else t0 + tried
 
 
-@inline
 def length_of_next(method, h, error, work):
     """The step to try after one of length h with this error; 0 for steps of fixed length."""
     s = method.setting
@@ -336,7 +320,6 @@ def length_of_next(method, h, error, work):
     return next_length((s[0], s[1], s[2], order), h, error)
 
 
-@inline
 def increment(method, system, t, y, h, work):
     """dy over one step of length h from (t, y) into its row of `work`; returns the error
     estimate, relative to the tolerance 1."""
@@ -360,7 +343,6 @@ def increment(method, system, t, y, h, work):
     )
 
 
-@inline
 def attempt(method, system, t, y, h, work):
     """As `increment`, with the error in units of the tolerance; 0 for a fixed step."""
     error = increment(method, system, t, y, h, work)
@@ -371,7 +353,6 @@ def attempt(method, system, t, y, h, work):
     return error / tolerance if tolerance > 0.0 else 0.0
 
 
-@inline
 def first_length(method, system, t, y, work):
     """A trial step of the largest length, cut by its own error estimate until that is within."""
     h, order = method.setting[2], method.setting[3]
@@ -386,7 +367,6 @@ def first_length(method, system, t, y, work):
     return h
 
 
-@inline
 def add_increment(y, c, work):
     """y + the increment in `work`, compensated, in place."""
     for i in range(y.shape[0]):
@@ -396,7 +376,6 @@ def add_increment(y, c, work):
         y[i] = s
 
 
-@inline
 def advance_grid(method, system, grid, stop, work):
     """(grid one step further, status); no step goes beyond `stop`."""
     setting = method.setting
@@ -438,7 +417,6 @@ def advance_grid(method, system, grid, stop, work):
     return after, FINE if accepted else STEP_UNDERFLOW
 
 
-@inline
 def branch(method, system, grid, t, work, y, c):
     """y = the state at t, by one step from t0; c is work space."""
     copy(y, grid.y0)
@@ -448,7 +426,6 @@ def branch(method, system, grid, t, work, y, c):
     project(system, t, y)
 
 
-@inline
 def reach(method, system, grid, t, work, y, c):
     """As `branch`, in 2, 4 .. PARTS equal steps where one gives no finite state: an implicit method
     may have no solution in one step to t though it has one in the step to t1."""
@@ -465,7 +442,6 @@ def reach(method, system, grid, t, work, y, c):
         parts *= 2
 
 
-@inline
 def state_at(method, system, grid, t, work):
     """The state at t, with t0 <= t <= t1; not finite where the method finds none."""
     slack = ULPS * abs(t)

@@ -80,7 +80,7 @@ from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, WIDTH
 from rb_sim.mechanics.systems.multibody import write_rows
-from rb_sim.numerics.kernels import for_python, inline, pointer_to, view, where
+from rb_sim.numerics.kernels import for_python, pointer_to, view, where
 from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate
 
@@ -112,7 +112,6 @@ TIME, FOUND, MORE = range(3)
 NO_DIGITS = np.zeros(0)
 
 
-@inline
 def pass_through(system, workspace, t, y, contact, fixed):
     """What PASS does after the touch-down of a contact: (how far it has come, time within which the
     flights that begin end)."""

@@ -85,7 +85,6 @@ from rb_sim.mechanics.contact.event_functions import (
     turned_by_rounding,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, WIDTH, vec
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import dot, norm, scale, sub, unrotate
 
 # Where the event functions between two instants are expected to vanish first.
@@ -109,7 +108,6 @@ EARLY, LATE, BEGIN, END = 0, 2, 4, 6
 the earlier and the later instant, and at the begin and the end of the step (t in its last row)."""
 
 
-@inline
 def begin_bracket(system, grid, rates, late):
     """The bracket from the begin of the step to `late`, (contacts, EVENT_FUNCTION_KINDS + 1, 8).
 
@@ -134,7 +132,6 @@ def begin_bracket(system, grid, rates, late):
     return bracket
 
 
-@inline
 def note_event_functions(system, bracket, late):
     """The event functions as they are in the table of contacts, into one side of the bracket."""
     table, side = system.contact_table, LATE if late else EARLY
@@ -144,7 +141,6 @@ def note_event_functions(system, bracket, late):
         bracket[c, 0, side + 1] = table[c, GAP_RATE] / system.length
 
 
-@inline
 def zero_of(a, ra, b, rb, width, target, s):
     """Where the cubic has the value `target`, by Newton's method from s."""
     for _ in range(REFINED):
@@ -155,7 +151,6 @@ def zero_of(a, ra, b, rb, width, target, s):
     return s
 
 
-@inline
 def crossing(one, step, flies, early, late):
     """(instant at which an event function is expected to vanish, its rate there); one: its row of
     the bracket, step: that of the times, flies: its rates are known."""
@@ -183,7 +178,6 @@ def crossing(one, step, flies, early, late):
     return early + part * width, rate
 
 
-@inline
 def first_crossing(system, bracket, early, late):
     """An instant between both at which the first of the event functions is expected to have just
     vanished."""
@@ -248,7 +242,6 @@ which on they are of one side of it: faces of a box are 90 degrees apart, and a 
 round a smaller angle has its gap described by a cubic."""
 
 
-@inline
 def add_low_digits(system, c):
     """Add to every gap what the low digits c of the positions make of it: of a gap much smaller
     than the coordinates that it is the difference of, they are digits that count."""
@@ -262,7 +255,6 @@ def add_low_digits(system, c):
         table[i, GAP] += dot(n, low)
 
 
-@inline
 def level_of(system, t, y, c):
     """(lowest event function, its code) of the state y at t, c: its low digits, which compensated
     summation has still to add."""
@@ -271,14 +263,12 @@ def level_of(system, t, y, c):
     return lowest_level(system)
 
 
-@inline
 def level_at(method, system, grid, t, work, y, c):
     """(lowest event function, its code) at t; y, c = the state there and its low digits."""
     reach(method, system, grid, t, work, y, c)
     return level_of(system, t, y, c)
 
 
-@inline
 def corner_of(a, ra, b, rb, width):
     """Place in the span, 0 to 1, at which a gap with a kink may be below zero; -1 for none."""
     if not ra < 0.0 < rb:
@@ -287,7 +277,6 @@ def corner_of(a, ra, b, rb, width):
     return s if least < BENT * (a + b - 2.0 * least) - COMPUTED_ROUNDING else -1.0
 
 
-@inline
 def normal_on_parent(system, y, i, n):
     """The normal n of contact i in the state y, in axes of its parent."""
     a = system.row_table[first_row_of(system, i), PARENT]
@@ -297,14 +286,12 @@ def normal_on_parent(system, y, i, n):
     return unrotate((y[q], y[q + 1], y[q + 2], y[q + 3]), n)
 
 
-@inline
 def normals_of_step(system, grid, ends, i):
     """The normals of contact i at the begin and at the end of the step, in axes of its parent."""
     before = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
     return before, normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
 
 
-@inline
 def way_apart(y, other, b, length):
     """How far the places of body b are apart in two states, a turn by the length [m]."""
     way, turn = 0.0, 0.0
@@ -315,7 +302,6 @@ def way_apart(y, other, b, length):
     return way**0.5 + 2.0 * length * turn**0.5
 
 
-@inline
 def way_of_surfaces(system, grid, ends, i):
     """Way that body and support of contact i may have gone in the step, towards each other [m].
 
@@ -329,7 +315,6 @@ def way_of_surfaces(system, grid, ends, i):
     return (ends[i, FASTEST_BEFORE] + ends[i, FASTEST]) * width + DETOUR * apart
 
 
-@inline
 def spin_of(system, y, i):
     """How fast the bodies of contact i turn in the state y, together [rad/s]."""
     k = first_row_of(system, i)
@@ -341,13 +326,11 @@ def spin_of(system, y, i):
     return spin
 
 
-@inline
 def fastest_spin(system, grid, i):
     """The larger of `spin_of` at the ends of the step [rad/s]."""
     return max(spin_of(system, grid.y0, i), spin_of(system, grid.y1, i))
 
 
-@inline
 def may_dip(system, grid, ends, rates, i, k):
     """True unless the k-th event function of contact i surely stays positive between the ends of
     the step; ends: the table at its end."""
@@ -375,7 +358,6 @@ def may_dip(system, grid, ends, rates, i, k):
     return highest > COMPUTED_ROUNDING and not lowest > highest - lowest
 
 
-@inline
 def is_clear(a, ra, b, rb, width, error):
     """The function whose cubic is given, and wrong by no more than `error`, has no zero inside."""
     if not max(a, b) > COMPUTED_ROUNDING:
@@ -390,7 +372,6 @@ def is_clear(a, ra, b, rb, width, error):
     return error <= 0.1 * COMPUTED_ROUNDING or (rises_from_a and falls_to_b)
 
 
-@inline
 def put_span(spans, top, a, b, error):
     """Put a span on the stack: (t, level, rate, way per time, normal on the parent) at both ends,
     and the error of its cubic; returns the new height."""
@@ -400,7 +381,6 @@ def put_span(spans, top, a, b, error):
     return top + 1
 
 
-@inline
 def end_of(spans, top, j):
     """One end of the span at `top` of the stack, the first at column 0, the second at END_SIZE; see
     `put_span`."""
@@ -410,13 +390,11 @@ def end_of(spans, top, j):
     )  # fmt: skip
 
 
-@inline
 def on_one_side(a, b):
     """Whether the normals at the ends a and b of a span are of one side of the parent."""
     return a[4] * b[4] + a[5] * b[5] + a[6] * b[6] >= ONE_SIDE
 
 
-@inline
 def measured(a, ra, b, rb, width, s, value, rate):
     """Largest error in the span of its cubic, from the value and the rate at s."""
     guess, slope = cubic_at(a, ra, b, rb, width, s)
@@ -424,7 +402,6 @@ def measured(a, ra, b, rb, width, s, value, rate):
     return max(abs(value - guess) / (place * place), 0.25 * abs(rate * width - slope))
 
 
-@inline
 def next_place(a, b, error, width, way, turn, flies):
     """Place in the span from a to b, 0 to 1, to look at next; -1 if nothing in it is below zero.
 
@@ -447,7 +424,6 @@ def next_place(a, b, error, width, way, turn, flies):
     return min(max(place, INSIDE), 1.0 - INSIDE) if place > 0.0 else 0.5
 
 
-@inline
 def rate_of(system, t, y, i, k):
     """Rate of the k-th event function of contact i, whose value has been found at (t, y)."""
     if in_rigid_flight(system.contact_table, i):
@@ -455,7 +431,6 @@ def rate_of(system, t, y, i, k):
     return level_rates(system, t, y)[i, k]
 
 
-@inline
 def dip_of(method, system, grid, spans, i, k, work, y, c):
     """(the earliest time found in the span spans[0] at which the k-th event function of contact i
     is negative, t1 if there is none; the time up to which the span has been searched, which is less
@@ -496,7 +471,6 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
     return grid.t1, spans[top - 1, 0] if flies and top > 0 else grid.t1
 
 
-@inline
 def first_that_may_dip(system, grid, rates):
     """Number of the first event function, in the order of the contacts, that may dip; -1: none."""
     for i in range(system.contact_table.shape[0]):
@@ -506,7 +480,6 @@ def first_that_may_dip(system, grid, rates):
     return -1
 
 
-@inline
 def first_dip(method, system, grid, rates, work, y, c):
     """(the earliest time found within the step at which an event function is negative that is not
     at its end, t1 if there is none; the time up to which the step has been searched, see `dip_of`).
@@ -544,7 +517,6 @@ def first_dip(method, system, grid, rates, work, y, c):
 # What a step of bodies in contact starts from: directions, gaps, event functions, leans.
 
 
-@inline
 def look_ahead(system, rates):
     """Note what the next step starts from: directions of slip and turning, gaps, levels, leans.
 
@@ -563,7 +535,6 @@ def look_ahead(system, rates):
         note_lean(table, c)
 
 
-@inline
 def note_directions(system, c):
     """Directions of slip and turning, and the event functions along them."""
     table, before, slopes = system.contact_table, EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE
@@ -586,7 +557,6 @@ def note_directions(system, c):
         table[c, SPIN_SIGN] = ahead
 
 
-@inline
 def note_direction(table, c, at, a, velocity_tolerance):
     """Keep the unit vector of `a` in the table from column `at` on; below `velocity_tolerance` the
     one before stays."""
@@ -619,7 +589,6 @@ its time [s]; the largest angle [rad] by which rounding has turned the lean of a
 `mechanics.contact.event_functions`), its time [s]. KEPT: how many."""
 
 
-@inline
 def speed_of(y, b, arms):
     """|(v_C, A w)| of body b; arms: A by rows of each body (see `mechanics.error_scales`) [m]."""
     total = 0.0
@@ -631,7 +600,6 @@ def speed_of(y, b, arms):
     return total**0.5
 
 
-@inline
 def note_rounded_leans(table, kept, t):
     """Note how far rounding turns the leans of rims that hardly miss flat, in the step from t."""
     for c in range(table.shape[0]):
@@ -640,7 +608,6 @@ def note_rounded_leans(table, kept, t):
             kept[c, ROUNDED], kept[c, ROUNDED_TIME] = turned, t
 
 
-@inline
 def note_slow_slips(system, kept, arms, grid):
     """Note what friction has missed in the last step, of slips that are lost in errors and turned.
 
@@ -668,7 +635,6 @@ def note_slow_slips(system, kept, arms, grid):
                 kept[c, LAG], kept[c, LAG_TIME] = share, grid.t0
 
 
-@inline
 def lighter(system, c):
     """The one of the two bodies of contact c whose mass is smaller; the world has none."""
     k = first_row_of(system, c)
@@ -691,7 +657,6 @@ TRIES = 32
 """Steps after which contacts that creep are tried for rest again."""
 
 
-@inline
 def begin_step(system, t, y, c):
     """Bring the tables up to date at (t, y), from where the next step starts; c: the low digits of
     y."""
@@ -700,7 +665,6 @@ def begin_step(system, t, y, c):
     note_stiffness(system, y)
 
 
-@inline
 def cut_grid(grid, t, y, c, h):
     """The grid with its last step ended at t in the state y with the low digits c; h: the step to
     try next."""
@@ -711,7 +675,6 @@ def cut_grid(grid, t, y, c, h):
     )  # fmt: skip
 
 
-@inline
 def not_too_far(method, system, grid, work, y, c):
     """(lowest event function, its code, the grid with its last step no longer than the leans of the
     rims allow); the tables are those of its end."""
@@ -725,20 +688,17 @@ def not_too_far(method, system, grid, work, y, c):
     return lowest, code, grid
 
 
-@inline
 def slip_vanishes(code):
     """Whether the event with this code is the end of a slip or of rolling."""
     kind = code % EVENT_KINDS
     return kind == SLIP_ENDS or kind == ROLL_ENDS
 
 
-@inline
 def is_none(width, t):
     """True if a span of time that ends at t is but its rounding."""
     return width <= 1e-15 * max(abs(t), width)
 
 
-@inline
 def locate(method, system, grid, rates, late, lowest, work, at, best):
     """(instant before, instant after, code) of an event up to `late`, where the lowest event
     function and its code are `lowest`, negative; best: state and low digits there, then those at
@@ -768,7 +728,6 @@ def locate(method, system, grid, rates, late, lowest, work, at, best):
     return early, late, found
 
 
-@inline
 def half_of(method, system, grid, work, y, c):
     """(lowest event function, its code, the grid with the first half of its last step): what is
     searched in a step half as long takes half as many looks."""
@@ -777,7 +736,6 @@ def half_of(method, system, grid, work, y, c):
     return lowest, code, cut_grid(grid, t, y, c, t - grid.t0)
 
 
-@inline
 def next_event(method, system, grid, work, kept, arms):
     """(code of the first event within the last step or -1, the grid, cut there).
 
@@ -826,7 +784,6 @@ def next_event(method, system, grid, work, kept, arms):
     return found, cut
 
 
-@inline
 def nearly_stopped(system):
     """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
     for c in range(system.contact_table.shape[0]):
@@ -837,7 +794,6 @@ def nearly_stopped(system):
     return -1
 
 
-@inline
 def creep_that_may_rest(system, grid):
     """Code of the event that contacts creep so slowly that they may have come to rest, all at once;
     or -1.  Where they have not, they are tried again now and then."""

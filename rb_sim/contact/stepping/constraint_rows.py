@@ -67,7 +67,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_kinematics import STUCK, torque_of
 from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, six, state_of, vec
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
-from rb_sim.numerics.kernels import inline, part, pointer
+from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.vectors import (
     add,
     cross,
@@ -85,7 +85,6 @@ FARTHER = 1.01
 """Part of what could be closed in a step, with rounding, beyond which a pair is not looked at."""
 
 
-@inline
 def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     """Row k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
     turn = torque_of(B, r_B, force, moment)
@@ -103,7 +102,6 @@ def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
         rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
 
 
-@inline
 def write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a):
     """The rows of contact i of those that take part, which is point c."""
     k = CONTACT_ROWS * i
@@ -123,7 +121,6 @@ def write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a):
             targets[k + 3 + j] = dot(around[j], spun)
 
 
-@inline
 def speed_at(rows, k, y, b, a):
     """Rate of row k of a contact of these bodies at the velocities of y."""
     s = 0.0
@@ -135,7 +132,6 @@ def speed_at(rows, k, y, b, a):
     return s
 
 
-@inline
 def write_rules(
     scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h,
     addresses, constants, scratch,
@@ -183,7 +179,6 @@ def write_rules(
     targets[k + 1], targets[k + 2] = targets[k + 1] - bends[i, 1], targets[k + 2] - bends[i, 2]
 
 
-@inline
 def nearness(scales, bodies, y, b, a, h):
     """Gap [m] that is none between bodies that move, far less than the step's own error: closing
     the tiny gaps of many contacts exactly asks for velocities that contradict each other, and
@@ -200,13 +195,11 @@ def nearness(scales, bodies, y, b, a, h):
     return COMPUTED_ROUNDING * length + min(NEAR * h * h * pull, NEAREST * length)
 
 
-@inline
 def is_impact(e, before, now):
     """What the loads alone would give in two steps is none: a body at rest does not bounce."""
     return e > 0.0 and before < 0.0 and before < 2.0 * (now - before)
 
 
-@inline
 def fastest_of(u, y):
     """(largest speed, largest spin) of a body, with the loads and without, before the impulses."""
     speed, spin = 0.0, 0.0
@@ -218,7 +211,6 @@ def fastest_of(u, y):
     return speed, spin
 
 
-@inline
 def is_far(spots, y, c, b, a, within):
     """True if `takes_part` is surely false: the gap is wider than what bodies no faster than this
     can close in a step.  Most pairs of a heap are.
@@ -236,7 +228,6 @@ def is_far(spots, y, c, b, a, within):
     return gap > FARTHER * within[2] * closing
 
 
-@inline
 def takes_part(spots, laws, u, y, c, b, a, h, slow):
     """Whether point c may be reached within the step; slow: a speed that hardly counts."""
     gap = spots[c, GAP]
@@ -260,7 +251,6 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
     return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
 
 
-@inline
 def rates_of(rows, targets, u, k, b, a):
     """Rates of the first three rows from k on at the velocities u, less their targets."""
     return (
@@ -270,7 +260,6 @@ def rates_of(rows, targets, u, k, b, a):
     )
 
 
-@inline
 def gather(tables, memory, workspace, y, h):
     """Write rows, rules and first impulses of the points that take part; how many."""
     found, notes = 0, workspace.notes
@@ -306,7 +295,6 @@ def gather(tables, memory, workspace, y, h):
     return found
 
 
-@inline
 def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
     """Rules and first impulses of the n points that take part, whose rows are written; ratio:
     length of the step h over that of the last one."""
@@ -341,7 +329,6 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
         x[k + 5] = ratio * dot(normal, twist)
 
 
-@inline
 def gather_joints(tables, workspace, h):
     """Rows of the joints, and their impulses of the step before."""
     ratio = h / workspace.notes[LENGTH] if workspace.notes[LENGTH] > 0.0 else 0.0
@@ -364,7 +351,6 @@ def gather_joints(tables, workspace, h):
         workspace.joint_x[k] *= ratio
 
 
-@inline
 def graph_of(tables, workspace, n):
     """The graph of contacts of the solvers: the first n of the workspace, and the joints."""
     return Graph(

@@ -54,7 +54,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_kinematics import STUCK, velocity_at
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of, vec
-from rb_sim.numerics.kernels import call_law, inline, part, pointer
+from rb_sim.numerics.kernels import call_law, part, pointer
 from rb_sim.numerics.vectors import (
     add,
     dot,
@@ -71,7 +71,6 @@ SAME_PLACE = 0.1
 """Of a box's edge: how far a point of contact moves at most in a step and remains the same."""
 
 
-@inline
 def put_state(out, k, B):
     """The state of a body as a law of a pair gets it, from place k on."""
     for j in range(3):
@@ -80,7 +79,6 @@ def put_state(out, k, B):
         out[k + 3 + j] = B.q_WB[j]
 
 
-@inline
 def spot_at(tables, scratch, e, t, B, A, out):
     """Into `out` the SPOT numbers of entry e for these states of body and parent."""
     put_state(scratch, 0, B)
@@ -89,13 +87,11 @@ def spot_at(tables, scratch, e, t, B, A, out):
     call_law(tables.addresses[tables.entries[e, LAW]], t, pointer(scratch), own, out)
 
 
-@inline
 def had_impulse(memory, c):
     """True if a normal impulse of the step acted at point c."""
     return memory[c, AIM] != 0.0 or memory[c, AIM + 1] != 0.0 or memory[c, AIM + 2] != 0.0
 
 
-@inline
 def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
     """Give the points of two boxes to the slots that had them before, or to free ones; forget what
     was in slots that have none any more."""
@@ -138,7 +134,6 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
                 memory[first + c, j] = 0.0
 
 
-@inline
 def find_spots(tables, memory, spots, workspace, scratch, t, y, reach, again):
     """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points.
 
@@ -194,7 +189,6 @@ CROWDED = 3
 """Column of Workspace.bends: 1 of contacts between bodies of a crowd."""
 
 
-@inline
 def has_turned(memory, spots, y, c, b, h):
     """Whether the only point of contact c, which has borne, lies in another direction from its body
     than at the end of the last step: y is half a step later, at the velocities of that time."""
@@ -204,14 +198,12 @@ def has_turned(memory, spots, y, c, b, h):
     return dot(now, then) < math.cos(TOO_FAR) * norm(now) * norm(then)
 
 
-@inline
 def sticks(memory, laws, c):
     """Whether the laws tell of the velocity across the normal of point c what it will be: not where
     it slips, since corners of a face that slips and turns bend apart and cannot all be held so."""
     return memory[c, SLIDE] == STUCK or (laws[c, TRACTION] != 0.0 and laws[c, STATIC] == 0.0)
 
 
-@inline
 def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
     """Write the change of velocity of contact i, point c, since the end of the last step, along the
     normal and both tangents; 0 where it did not bear, has jumped, or its support gives way.
@@ -237,7 +229,6 @@ def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
         bends[i, 1], bends[i, 2] = dot(t1, across), dot(t2, across)
 
 
-@inline
 def find_crowds(laws, active, ends, held, n):
     """Write CROWD for bodies that touch each other, of which the rows that may hold one are more
     than its freedoms; n contacts.  What touches fixed supports alone is none, whatever holds it."""
@@ -261,7 +252,6 @@ def find_crowds(laws, active, ends, held, n):
                 changed = True
 
 
-@inline
 def straighten_crowds(laws, bends, active, ends, held, n):
     """Take away the bends of the n contacts at bodies of a crowd, and mark these contacts: the laws
     of a heap that moves are kept about, and what its bends ask for contradicts itself."""
@@ -272,7 +262,6 @@ def straighten_crowds(laws, bends, active, ends, held, n):
             bends[i, 0] = bends[i, 1] = bends[i, 2] = 0.0
 
 
-@inline
 def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
     """Keep the relative velocity of point c with rows from k on after the impulses."""
     n, moved = vec(spots, c, NORMAL), vec(spots, c, MOVES)
@@ -282,7 +271,6 @@ def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
     keep(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))
 
 
-@inline
 def note_ends(tables, memory, workspace, y):
     """Keep the relative velocities at the end of the step, of what bears."""
     for c in range(memory.shape[0]):

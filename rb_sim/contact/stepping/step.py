@@ -106,7 +106,6 @@ from rb_sim.mechanics.contact.contact_bodies import (
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.systems.many_bodies import INERTIA, INVERSE, LOAD, MASS, six, state_of, vec
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
-from rb_sim.numerics.kernels import inline
 from rb_sim.numerics.vectors import (
     add,
     dot,
@@ -127,7 +126,6 @@ AT_BOUND = 0.9
 """Share of the bound of friction from which on it is reached."""
 
 
-@inline
 def quieten(tables, workspace, n, h):
     """A velocity that is but the rounding of its terms is none."""
     b, u, sizes = tables.bodies, workspace.u, workspace.before
@@ -150,7 +148,6 @@ def quieten(tables, workspace, n, h):
                 keep(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
-@inline
 def work_done(workspace, n):
     """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
     own is the change of kinetic energy exactly."""
@@ -165,7 +162,6 @@ def work_done(workspace, n):
     return work
 
 
-@inline
 def gained_by(laws, workspace, n):
     """Energy that rigid contacts have given in the step [J], impulse times mean velocity over their
     supports'; by their laws they take some or none."""
@@ -186,7 +182,6 @@ def gained_by(laws, workspace, n):
     return made
 
 
-@inline
 def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
     """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
     pulls its bodies together by more than the impulse along its normal drives them apart, so that
@@ -199,7 +194,6 @@ def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
     return slip > slow and lifts < 0.0
 
 
-@inline
 def slips_though_rough(laws, x, k, c):
     """Whether friction of a perfectly rough contact is at the bound that solvers set it: it would
     lift the contact as it stops the slip, and does no more than what keeps it down, so that the
@@ -208,7 +202,6 @@ def slips_though_rough(laws, x, k, c):
     return laws[c, STATIC] >= PERFECTLY_ROUGH and across > AT_BOUND * ROUGH * abs(x[k])
 
 
-@inline
 def keep_impulses(tables, memory, workspace, y, n, h):
     """Impulses and modes of the points that took part, for the next step and for reports."""
     x, laws, turned, several, rough = workspace.x, tables.laws, 0.0, 0.0, 0.0
@@ -290,19 +283,16 @@ LAST, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
 without a rebound, and Newton's speed; 0 of others."""
 
 
-@inline
 def velocity_tolerance_of(workspace, i, c):
     """Speed along the normal of contact i, point c, at which its surfaces stay together."""
     return dot(vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, MOVES))
 
 
-@inline
 def bounces(tables, c):
     """True of a point that rebounds, if it is struck."""
     return tables.laws[c, RESTITUTION] > 0.0 and tables.laws[c, COMPLIANT] == 0.0
 
 
-@inline
 def made_in(workspace, y, i, c):
     """(energy that friction makes at contact i, which is point c [J], that which its normal
     impulse makes [J], what its rebound takes [J]) in an impact; zeros where it does not rebound.
@@ -322,13 +312,11 @@ def made_in(workspace, y, i, c):
     return across, along, workspace.x[k] * rebound
 
 
-@inline
 def creates(across, along, taken):
     """Whether friction makes energy that the normal impulse does not take."""
     return across > 0.0 and across + along > GAINS * taken
 
 
-@inline
 def add_to(total, body, made, taken):
     """Add the energies of one point to those of a body; -1: the surroundings."""
     if body >= 0:
@@ -336,14 +324,12 @@ def add_to(total, body, made, taken):
         total[body, 1] += taken
 
 
-@inline
 def gains(total, workspace, i):
     """Whether the impact of a body of contact i creates energy, over all points that it has."""
     b, a = workspace.ends[i, 0], workspace.ends[i, 1]
     return total[b, 0] > GAINS * total[b, 1] or (a >= 0 and total[a, 0] > GAINS * total[a, 1])
 
 
-@inline
 def some_rebound(tables, workspace, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
@@ -355,7 +341,6 @@ def some_rebound(tables, workspace, n):
     return False
 
 
-@inline
 def note_gains(tables, workspace, y, n, found):
     """Note the rebounds that create energy, and take them away; how many there are."""
     count, total = 0, np.zeros((tables.bodies.shape[0], 2))
@@ -376,14 +361,12 @@ def note_gains(tables, workspace, y, n, found):
     return count
 
 
-@inline
 def note_impulses(workspace, n, found, at):
     """Note the normal impulses: those WITHOUT a rebound, or as LAST those of the last try."""
     for i in range(n):
         found[i, at] = workspace.x[CONTACT_ROWS * i]
 
 
-@inline
 def aim_at_poisson(tables, workspace, n, found):
     """Rebounds at which impulses would be 1 + e times those without, by the last try."""
     for i in range(n):
@@ -397,7 +380,6 @@ def aim_at_poisson(tables, workspace, n, found):
         workspace.targets[k] = velocity_tolerance_of(workspace, i, c) + found[i, SPEED]
 
 
-@inline
 def fastest_of(tables, y):
     """Speed [m/s] that no surface exceeds, or the scene's if that is more."""
     fastest = tables.scales[1]
@@ -407,7 +389,6 @@ def fastest_of(tables, y):
     return fastest
 
 
-@inline
 def after_turn(q, w, h):
     """q after the turn w h, body axes, exactly."""
     angle = 0.5 * h * norm(w)
@@ -417,7 +398,6 @@ def after_turn(q, w, h):
     return quaternion_unit(quaternion_product(q, (s * w[0], s * w[1], s * w[2], math.cos(angle))))
 
 
-@inline
 def spin_after(inertia, inverse, w, h):
     """Spin after h without torque (body axes), by the implicit midpoint rule; as it was where its
     rounds do not converge: too much turn in one step."""
@@ -433,7 +413,6 @@ def spin_after(inertia, inverse, w, h):
     return w1
 
 
-@inline
 def move(y, i, d, turn, h):
     """Move body i by h d, and turn it by h times `turn` (body axes)."""
     k = STATE * i
@@ -444,7 +423,6 @@ def move(y, i, d, turn, h):
         y[k + 3 + j] = q[j]
 
 
-@inline
 def drift(tables, y, h):
     """Move all bodies by h at their own velocities, in place."""
     for i in range(tables.bodies.shape[0]):
@@ -452,7 +430,6 @@ def drift(tables, y, h):
         move(y, i, (y[k + 7], y[k + 8], y[k + 9]), (y[k + 10], y[k + 11], y[k + 12]), h)
 
 
-@inline
 def load_gravity(tables):
     """Loads of uniform gravity alone."""
     b = tables.bodies
@@ -462,7 +439,6 @@ def load_gravity(tables):
             b[i, LOAD + 3 + j] = 0.0
 
 
-@inline
 def free_velocities(tables, workspace, y, h):
     """Velocities with the loads of h, without any reaction, into workspace.u, as in the middle of a
     step: half of the gyroscopic torque acts before constraints do, and half after."""
@@ -479,7 +455,6 @@ def free_velocities(tables, workspace, y, h):
             u[i, 3 + j] = w[j] + h * gained[j]
 
 
-@inline
 def is_quiet(tables, y):
     """Whether all bodies are slow."""
     for i in range(tables.bodies.shape[0]):
@@ -490,7 +465,6 @@ def is_quiet(tables, y):
     return True
 
 
-@inline
 def solve_impulses(tables, workspace, graph, x, y):
     """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
 
@@ -512,7 +486,6 @@ def solve_impulses(tables, workspace, graph, x, y):
     return rest, made
 
 
-@inline
 def of_heap(tables, workspace, graph, x, y, rest, made):
     """As `solve_impulses`, with any shares, after some sweeps and their last change.
 
@@ -549,7 +522,6 @@ def of_heap(tables, workspace, graph, x, y, rest, made):
     return rest, made
 
 
-@inline
 def solve_without_gain(tables, workspace, graph, x, y):
     """As `solve_impulses`, with rebounds that create no energy."""
     rest, made = solve_impulses(tables, workspace, graph, x, y)
@@ -572,7 +544,6 @@ def solve_without_gain(tables, workspace, graph, x, y):
     return rest, made + more
 
 
-@inline
 def solve_step(tables, memory, workspace, y, h):
     """New velocities of all bodies, from the spots at the middle of the step; y in place."""
     free_velocities(tables, workspace, y, h)

@@ -81,7 +81,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import STUCK, velocity_at
 from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, six, state_of, vec
-from rb_sim.numerics.kernels import call_law, entry, inline, integers, part, pointer
+from rb_sim.numerics.kernels import call_law, entry, integers, part, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
 # Bodies that overlap after a step are moved apart, as little as can be.
@@ -91,7 +91,6 @@ MARGIN = 4.0
 """Of the deepest overlap: contacts as near as this may come to overlap when others are moved."""
 
 
-@inline
 def deepest_overlap(tables, workspace):
     """(least gap of the rigid contacts or 0, which point it is)."""
     deepest, found = 0.0, -1
@@ -101,7 +100,6 @@ def deepest_overlap(tables, workspace):
     return deepest, found
 
 
-@inline
 def near_normals(tables, workspace, y, margin):
     """Write the normal rows of the rigid contacts with a gap below the margin; how many."""
     found, none = 0, (0.0, 0.0, 0.0)
@@ -121,7 +119,6 @@ def near_normals(tables, workspace, y, margin):
     return found
 
 
-@inline
 def separate(tables, workspace, y):
     """One round: the least displacements (by mass) after which no gap is negative, to first order.
 
@@ -151,7 +148,6 @@ def separate(tables, workspace, y):
     return False
 
 
-@inline
 def shift_deepest(tables, workspace, y):
     """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
     for the rounds of `separate` to converge.  True once nothing overlaps."""
@@ -169,7 +165,6 @@ def shift_deepest(tables, workspace, y):
     return False
 
 
-@inline
 def find_carried(tables, memory, workspace, carried):
     """Write 1 for each body that bears on a driven support, whose work is what lifts it."""
     for c in range(tables.owners.shape[0]):
@@ -180,7 +175,6 @@ def find_carried(tables, memory, workspace, carried):
             carried[tables.owners[c, 0]] = 1.0
 
 
-@inline
 def find_supports(tables, memory, links):
     """Write for each body the point that bears it nearest to the world, of several of its pair that
     which pushes most; -1: none does."""
@@ -211,7 +205,6 @@ LEAST_SHARE = 0.05
 """Of what a body is to pay with its velocity: less is not tried."""
 
 
-@inline
 def bears_more(tables, memory, c, more):
     """Whether the impulse of point c stays in its cone with another one added."""
     aim, total = vec(memory, c, AIM), add(vec(memory, c, IMPULSE), more)
@@ -223,7 +216,6 @@ def bears_more(tables, memory, c, more):
     return norm(sub(total, scale(normal_impulse, n))) <= bound * normal_impulse
 
 
-@inline
 def led_to_world(tables, memory, links, i, impulse, final):
     """Whether all points between body i and the world bear an impulse on it more; final: add it."""
     while i >= 0:
@@ -240,7 +232,6 @@ def led_to_world(tables, memory, links, i, impulse, final):
     return True
 
 
-@inline
 def book_lift(tables, memory, workspace, y):
     """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
     counts as made by them with what they made in the step, but where driven supports lift.
@@ -310,14 +301,12 @@ NEVER, PASSES = -1.0, 1e300
 """Instants of what is not followed, and of what passes."""
 
 
-@inline
 def later(B, t):
     """Where a body is after t, at its velocities."""
     p, q = add(B.p_WC, scale(t, B.v_WC)), after_turn(B.q_WB, B.w_WB_B, t)
     return BodyState(p, q, B.v_WC, B.w_WB_B)
 
 
-@inline
 def gap_at(tables, scratch, e, B, A, t):
     """Gap of entry e after t; scratch: as of the workspace."""
     out = part(pointer(scratch), 2 * STATE)
@@ -325,7 +314,6 @@ def gap_at(tables, scratch, e, B, A, t):
     return out[GAP]
 
 
-@inline
 def meeting(tables, scratch, e, B, A, h, speed, touches):
     """When within h the gap of the pair vanishes [s]; PASSES if it does not, NEVER if one bears the
     other, or leaves it.  speed: that the gap does not fall faster than."""
@@ -351,7 +339,6 @@ def meeting(tables, scratch, e, B, A, h, speed, touches):
     return PASSES
 
 
-@inline
 def ahead(tables, y, i, h):
     """State of body i with the velocity that it has on the mean in h, if nothing touches it."""
     B = state_of(y, i)
@@ -361,7 +348,6 @@ def ahead(tables, y, i, h):
     return BodyState(B.p_WC, B.q_WB, v, B.w_WB_B)
 
 
-@inline
 def find_meetings(tables, workspace, y, h, number):
     """Write the instants at which fast pairs meet into the workspace; returns the first, or NEVER.
 
@@ -388,7 +374,6 @@ def find_meetings(tables, workspace, y, h, number):
     return first if first < PASSES else NEVER
 
 
-@inline
 def next_part(tables, workspace, y, left, number):
     """Length of the next part of a step of which this is left; the workspace then has the pairs
     without contact in it."""
@@ -411,7 +396,6 @@ def next_part(tables, workspace, y, left, number):
     return part
 
 
-@inline
 def leave_out(workspace):
     """The pairs that have no contact in the part are far apart."""
     for c in range(workspace.meets.shape[0]):
@@ -419,7 +403,6 @@ def leave_out(workspace):
             workspace.spots[c, GAP] = FAR
 
 
-@inline
 def look_again(workspace):
     """The pairs that had no contact in the part are looked at where it ends: something else may
     have sent them at each other."""
@@ -428,7 +411,6 @@ def look_again(workspace):
             workspace.spots[c, GAP] = 0.0
 
 
-@inline
 def add_up(memory, workspace, number, last, h):
     """Impulses of all parts so far; after the last one they are those of the step of length h."""
     for c in range(memory.shape[0]):
@@ -458,14 +440,12 @@ REACH = 1e-6
 scene: boxes within it are examined for contact."""
 
 
-@inline
 def reach_of(tables, y, h):
     """Distance [m] that two surfaces can lose in a step, generously."""
     length = tables.scales[0]
     return min(2.0 * h * fastest_of(tables, y), length) + REACH * length
 
 
-@inline
 def note_anchors(memory, workspace):
     """Places of the points at the end of the step, where they are still there."""
     for c in range(memory.shape[0]):
@@ -473,7 +453,6 @@ def note_anchors(memory, workspace):
             keep(memory, c, ANCHOR, vec(workspace.spots, c, POINT))
 
 
-@inline
 def note_aims(memory, workspace, t):
     """How far the normals along which points have pushed in the step, up to t, have turned since
     its middle: what passes a round surface fast is sent off in a direction that is none.
@@ -494,7 +473,6 @@ def note_aims(memory, workspace, t):
         keep(memory, c, AIM, (0.0, 0.0, 0.0))
 
 
-@inline
 def note_open(workspace, t):
     """Keep what shares of a load have left open in the steps up to t, if they are the first two.
 
@@ -508,7 +486,6 @@ def note_open(workspace, t):
     notes[OPEN_BEFORE] = notes[OPEN_NOW]
 
 
-@inline
 def add_loads(tables, t, y):
     """Add the loads of all effects but gravity at (t, y)."""
     law, n = tables.addresses[LOADS], tables.bodies.shape[0]
@@ -523,7 +500,6 @@ def add_loads(tables, t, y):
         tables.inputs[i] = loads[6 * n + i]
 
 
-@inline
 def write_joint_rows(tables, workspace, t, y):
     """Rows of the joints at (t, y)."""
     rows, out = tables.joint_rows, workspace.joint_out
@@ -537,7 +513,6 @@ def write_joint_rows(tables, workspace, t, y):
             rows[k, j] = out[width * k + j]
 
 
-@inline
 def settle_joints(tables, workspace, t, y):
     """y with unit quaternions and on the manifold of the joints, in place, position first; the
     impulses that bring the velocities there are added to those that do so in the step [N s].
@@ -561,14 +536,12 @@ def settle_joints(tables, workspace, t, y):
         workspace.joint_back[k] += out[n + k]
 
 
-@inline
 def find_all_spots(tables, memory, workspace, t, y, h, again):
     """As `find_spots`, of what can touch within h."""
     reach, spots, polygons = reach_of(tables, y, h), workspace.spots, workspace.polygons
     find_spots(tables, memory, spots, polygons, workspace.scratch, t, y, reach, again)
 
 
-@inline
 def to_middle(tables, memory, workspace, t, y, h):
     """Half a drift, and the loads, the rows of the joints and the spots there."""
     load_gravity(tables)
@@ -579,7 +552,6 @@ def to_middle(tables, memory, workspace, t, y, h):
     leave_out(workspace)
 
 
-@inline
 def to_end(tables, memory, workspace, y, h):
     """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
     solve_step(tables, memory, workspace, y, h)
@@ -590,14 +562,12 @@ def to_end(tables, memory, workspace, y, h):
         workspace.before[i] = y[i]
 
 
-@inline
 def find_at_end(tables, memory, workspace, t, y, h):
     """Spots at the end of a step, where the joints hold."""
     settle_joints(tables, workspace, t, y)
     find_all_spots(tables, memory, workspace, t, y, h, True)
 
 
-@inline
 def has_strayed(tables, y, h):
     """Whether bodies that are no neighbours may meet in the next step of length h: one has moved
     too far since neighbours were looked for, with what it can do in that step."""
@@ -614,7 +584,6 @@ def has_strayed(tables, y, h):
     return False
 
 
-@inline
 def is_finite(y):
     """Whether all entries of y are finite."""
     s = 0.0
@@ -623,7 +592,6 @@ def is_finite(y):
     return s == 0.0
 
 
-@inline
 def one_step(tables, memory, workspace, t, y, h):
     """A step of length h from t of a scene that is all in the tables, in its parts; y in place."""
     left, at, number = h, t, 0
@@ -637,7 +605,6 @@ def one_step(tables, memory, workspace, t, y, h):
         left, at, number = left - part, at + part, number + 1
 
 
-@inline
 def one_part(tables, memory, workspace, t, y, h):
     """A part of length h of a step, as it is a step; y in place."""
     to_middle(tables, memory, workspace, t, y, h)
@@ -689,7 +656,6 @@ def strayed(tables, y, h):
     return 1 if has_strayed(tables, y, h) else 0
 
 
-@inline
 def put_balance(tables, y, out, at):
     """Kinetic energy, energy in gravity, momenta and angular momenta of all bodies."""
     kinetic, potential = 0.0, 0.0
@@ -707,7 +673,6 @@ def put_balance(tables, y, out, at):
         out[at + 3 + j], out[at + 6 + j] = momentum[j], angular[j]
 
 
-@inline
 def power_at(tables, y, c, force, torque, point):
     """Power of the reaction at point c on its bodies [W]."""
     b, a = tables.owners[c, 0], tables.owners[c, 1]
@@ -721,7 +686,6 @@ def power_at(tables, y, c, force, torque, point):
     return power
 
 
-@inline
 def put_reaction(tables, memory, members, o, joints, y, h, out, at):
     """Force, torque about the anchor and anchor of reaction o, from the impulses of a step h."""
     main = members[o, 0]
@@ -741,7 +705,6 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
         out[at + j], out[at + 3 + j], out[at + 6 + j] = force[j], torque[j], anchor[j]
 
 
-@inline
 def put_shares(tables, memory, y, c, h, out, at):
     """Add point c of a pair of neighbours to the reactions on both its bodies, about their C."""
     f, p = scale(1.0 / h, vec(memory, c, IMPULSE)), vec(memory, c, ANCHOR)

@@ -31,7 +31,7 @@ from rb_sim.mechanics.samples import (
     row_width,
     rows_of,
 )
-from rb_sim.numerics.kernels import loop
+from rb_sim.numerics.kernels import entry
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,7 +105,7 @@ def pack_row(
         integers[stamps[i] + 1] = rest
 
 
-@loop
+@entry
 def pack_rows(
     rows, commands, centers, linear, energy, source, numbers, chosen, doubles, stamps, times
 ):
