@@ -172,13 +172,15 @@ def refuse_logs(folder: Path, what: str, instead: str) -> None:
 
 def make_folder(folder: Path) -> None:
     """Create the folder of the outputs and check that it is writable. Raises RbSimError."""
-    if folder.is_file():
-        raise RbSimError(f"--out {folder}: is a file; must be a folder, or a name for a new one")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".rb_sim"
         probe.touch()
         probe.unlink()
+    except FileExistsError:  # a file, a pipe, a link to nothing
+        raise RbSimError(
+            f"--out {folder}: is not a folder; must be one, or a name for a new one"
+        ) from None
     except OSError as error:
         raise RbSimError(f"--out {folder}: cannot write there: {error.strerror}") from None
 

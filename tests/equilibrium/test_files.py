@@ -131,7 +131,7 @@ def test_command_says_what_gives(tmp_path, capsys):
 def test_folder_that_cannot_be_written(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(RbSimError, match="is a file; must be a folder"):
+    with pytest.raises(RbSimError, match="is not a folder; must be one"):
         statics(CONFIG / "table_offset.yaml", blocked)
 
 

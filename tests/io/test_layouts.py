@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from functools import reduce
 from pathlib import Path
@@ -205,7 +206,10 @@ def test_of_many_bodies_the_first_are_shown_and_it_is_said(tmp_path, capsys):
 
 def test_one_clear_line_where_it_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RbSimError, match="is a file; must be a folder"):
-        layout("pendulum", tmp_path / "file")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("nothing")
+    for name in ("file", "pipe", "link"):
+        with pytest.raises(RbSimError, match=f"{name}: is not a folder; must be one, or a name"):
+            layout("pendulum", tmp_path / name)
     with pytest.raises(RbSimError, match="does not exist"):
         layout("pendulums", Path(tmp_path))
