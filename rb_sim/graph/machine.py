@@ -15,6 +15,7 @@ import ctypes
 import hashlib
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
@@ -34,7 +35,11 @@ FORMAT = "2"
 ENTRY = "law"
 """Name of the entry function in stored machine code."""
 
-_LOADED: WeakValueDictionary[str, Law] = WeakValueDictionary()
+_LOADED: WeakValueDictionary[tuple[Any, str], Law] = WeakValueDictionary()
+"""By the root of the cache on disk, which has them too, and their names there."""
+_RECENT: deque[Law] = deque(maxlen=64)
+"""Laws loaded last, which stay: runs that differ in a number have the same laws, one after the
+other (fits, sweeps)."""
 _LOCK = threading.Lock()
 
 
@@ -149,16 +154,18 @@ def linked(
     others: laws that it calls, by their names.
     """
     level = _level(level)
-    key = key_of(texts, level)
+    root, key = store.cache_root(), key_of(texts, level)
     with _LOCK:
-        found = _LOADED.get(key)
+        found = _LOADED.get((root, key))
     if found is not None:
         return found
     symbols = {f.name: f.address() for f in externals}
     symbols |= {name: other.address for name, other in others.items()}
     law = load(_objects(key, texts, level), symbols, (*externals, *others.values()))
     with _LOCK:
-        return _LOADED.setdefault(key, law)
+        law = _LOADED.setdefault((root, key), law)
+        _RECENT.append(law)
+        return law
 
 
 def key_of(texts: Sequence[str], level: int = 2) -> str:

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import math
 import os
 import random
@@ -288,6 +289,14 @@ def test_a_signal_ends_a_compilation_between_pieces(fresh, monkeypatch):
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert len(compiled) <= 3 < pieces
+
+
+def test_a_law_that_comes_again_is_not_linked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs that differ in a number have the same laws, of which none outlives its run."""
+    compile_law([Graph().input("y") * 3.125])
+    gc.collect()
+    monkeypatch.setattr(machine, "load", None)
+    compile_law([Graph().input("y") * 3.125])
 
 
 CYCLES = """

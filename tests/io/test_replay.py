@@ -20,11 +20,9 @@ import tempfile
 import time
 from pathlib import Path
 
-import matplotlib.image
 import pytest
 
 from rb_sim.base.errors import MissingExtraError, SinkError
-from rb_sim.base.palette import AXES, REACTION, rgb
 from rb_sim.cli.verbs import replay as verb
 from rb_sim.cli.verbs.replay import recover, replay
 from rb_sim.io.rerun import viewer
@@ -121,26 +119,6 @@ def test_recover_says_what_it_did(record, tmp_path, capsys):
     assert "is cut off; messages missing after t = " in capsys.readouterr().err
 
 
-def vulkan() -> bool:
-    """True if a viewer can draw here: some Vulkan driver is described."""
-    folders = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
-    return any(Path(folder).is_dir() and any(Path(folder).iterdir()) for folder in folders)
-
-
-@needs_rerun
-@pytest.mark.slow
-@pytest.mark.skipif(not vulkan(), reason="no Vulkan driver (mesa-vulkan-drivers)")
-def test_screenshot(record, tmp_path):
-    """A picture of the size asked for, dark as the viewer is, with the colours of the curves."""
-    picture = tmp_path / "shots" / "picture.png"
-    replay(record(n=400), screenshot=picture)
-    image = matplotlib.image.imread(picture)[..., :3]
-    assert image.shape[1] / image.shape[0] == pytest.approx(1.6)
-    for color in map(rgb, (*AXES[:3], REACTION)):
-        near = abs(image * 255 - color).max(axis=2) < 30
-        assert near.sum() > 100, color
-
-
 @needs_rerun
 @pytest.mark.slow
 def test_screenshot_without_vulkan_is_one_clear_line(record, tmp_path, monkeypatch):
@@ -193,12 +171,14 @@ def test_the_viewer_is_gone_afterwards(tmp_path, monkeypatch):
 
 def alive(number: int) -> bool:
     """True if the process runs; one that is dead but not yet reaped does not."""
-    status = Path(f"/proc/{number}/stat")
-    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 def wait_until(condition) -> None:
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.05)
@@ -270,15 +250,6 @@ with viewer_process([sys.executable, "-c", child, grandchild]) as process:
 """
 
 
-def gone(number: int) -> bool:
-    """Whether no process of this number runs (one that nobody waits for has ended too)."""
-    try:
-        with open(f"/proc/{number}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
-
-
 @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="looks into /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_a_signal_ends_the_viewer_and_its_child_too(number: signal.Signals):
@@ -288,11 +259,8 @@ def test_a_signal_ends_the_viewer_and_its_child_too(number: signal.Signals):
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as host:
         assert host.stdout is not None
         grandchild = int(host.stdout.readline())
-        assert not gone(grandchild)
+        assert alive(grandchild)
         host.send_signal(number)
         status = host.wait(timeout=60)
     assert status in (128 + number, -number)
-    deadline = time.monotonic() + 60
-    while not gone(grandchild):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(lambda: not alive(grandchild))
