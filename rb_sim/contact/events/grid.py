@@ -403,7 +403,7 @@ def advance_grid(method, system, grid, stop, work):
             project(system, t, y1)
             if spent or not adaptive or finite(y1):
                 break
-            # no state on the constraints is near: whatever its estimate says, the error is too large
+            # no state on the constraints is near: the error is too large, whatever its estimate
             error = math.nan
             copy(y1, y0)
             copy(c1, c0)
