@@ -14,6 +14,7 @@ As in `integrate.loop`, with states as arrays of their own: an event cuts a step
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
@@ -387,6 +388,7 @@ def advance_grid(method, system, grid, stop, work):
         h, least = grid.h, step_of_swings(system)
         h = max(least, h if h > 0.0 else first_length(method, system, t0, y0, work))
         t = t0 + h
+    y1, c1 = grid.y1, grid.c1
     while True:
         if t > stop - ULPS * abs(stop):
             t = stop
@@ -394,21 +396,26 @@ def advance_grid(method, system, grid, stop, work):
         if adaptive:
             tried, t = choose_step(method, system, t0, t, tried, work)
         error = attempt(method, system, t0, y0, tried, work)
-        h_next = length_of_next(method, tried, error, work)
         accepted = error <= 1.0 or not adaptive or tried <= 2.0 * least
-        if accepted or not tried > 4.0 * ULPS * max(abs(t0), 1e-3):
-            break
+        spent = not tried > 4.0 * ULPS * max(abs(t0), 1e-3)
+        if accepted or spent:
+            add_increment(y1, c1, work)
+            project(system, t, y1)
+            if spent or not adaptive or finite(y1):
+                break
+            # no state on the constraints is near: the error is too large, whatever its estimate
+            error = math.nan
+            copy(y1, y0)
+            copy(c1, c0)
         if error - error != 0.0:  # too long for other reasons than rounding
             least = 0.0
-        h, rejected = max(h_next, least), rejected + 1
+        h, rejected = max(length_of_next(method, tried, error, work), least), rejected + 1
         t = t0 + h
+    h_next = length_of_next(method, tried, error, work)
     if adaptive and t == stop and h_next < h:
         h_next = h
     if rejected > grid.rejected:
         h_next = min(h_next, tried)
-    y1, c1 = grid.y1, grid.c1
-    add_increment(y1, c1, work)
-    project(system, t, y1)
     after = Grid(
         grid.origin, grid.steps + 1, rejected, t0, y0, c0, t, y1, c1, h_next, grid.y, grid.c
     )

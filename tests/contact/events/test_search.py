@@ -417,3 +417,20 @@ def test_a_step_that_has_no_solution_in_flight_is_an_error() -> None:
     simulation = Simulation(load_scene(scene), announce=None)
     with pytest.raises(StepTooLargeError, match="too large for gauss6"):
         simulation.advance(0.1)
+
+
+@pytest.mark.parametrize("spin", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize("across", [1e-5, 1e-4])
+def test_disk_that_lays_itself_down_gains_nothing(spin: float, across: float) -> None:
+    """A step whose end has no state on the floor is rejected, not cut without asking its error."""
+    r, tilt = 0.05, 0.3
+    start = body(
+        {"type": "disk", "radius": r},
+        [0.0, 0.0, r * np.sin(tilt)],
+        orientation=[float(np.sin(tilt / 2)), 0.0, 0.0, float(np.cos(tilt / 2))],
+        angular_velocity=[-spin, across, 0.0],
+        linear_velocity=[0.0, 0.0, -spin * r * float(np.cos(tilt))],
+    )
+    mapping = scene(start, touch()) | {"simulation": {"duration": 0.3, "tolerance": 3e-3}}
+    energy = Simulation(load_scene(mapping)).run(watched=False).energy
+    assert energy.max() <= 1.01 * energy[0]
