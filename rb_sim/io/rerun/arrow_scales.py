@@ -108,12 +108,16 @@ class Lengths:
 
 
 class Extent:
-    """Bounding box of the bodies' centres and the anchors of reactions over a run."""
+    """Bounding box of the bodies' centres and the anchors of reactions over a run.
+
+    lowest: least height of a body's centre [m].
+    """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         """The margin is the reach of the largest body."""
         self._margin = max((reach_of(scene.bodies[n]) for n in layout.bodies), default=0.0)
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+        self.lowest = np.inf
 
     @QUIET
     def add(self, block: SampleBlock) -> None:
@@ -122,6 +126,8 @@ class Extent:
         points = points[np.isfinite(points).all(axis=1)]
         self._low = np.minimum(self._low, points.min(axis=0, initial=np.inf))
         self._high = np.maximum(self._high, points.max(axis=0, initial=-np.inf))
+        heights = block.position[..., 2]
+        self.lowest = min(self.lowest, heights[np.isfinite(heights)].min(initial=np.inf))
 
     def center_and_size(self) -> tuple[Array, float]:
         """Centre and size [m] of the view, including the reach of the largest body."""
