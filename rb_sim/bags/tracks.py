@@ -174,7 +174,7 @@ def length_of(bodies: Iterable[Any]) -> float:
 
 
 def floors(a: Tracks, b: Tracks) -> dict[str, float]:
-    """By quantity, the difference below which two motions count as equal: ROUNDING times magnitude."""
+    """Difference below which two motions count as equal, by quantity."""
     tracks = [*a.bodies.values(), *b.bodies.values()]
     covered = _largest(np.ptp(track.position, axis=0) for track in tracks)
     length = max(a.length, b.length, covered if covered > ROUNDING else 0.0) or 1.0

@@ -192,7 +192,7 @@ def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
     stats = subprocess.run(run, check=True, capture_output=True, text=True, timeout=60).stdout
     for entity in (
         "/world/support/floor/planes/0",
-        "/world/ball/support/feet/lines/0",
+        "/world/ball/support/feet/solids/0",
         "/world/contact/feet/1",
     ):
         assert f"{entity}:" in stats, entity
