@@ -28,7 +28,7 @@ from rb_sim.bags.alignment import (
     overlap,
     wanted_at_ends,
 )
-from rb_sim.bags.tracks import Track, Tracks, Wrenches, floors
+from rb_sim.bags.tracks import UNITS, Track, Tracks, Wrenches, floors
 from rb_sim.base.errors import RbSimError
 
 # Detects a motion that is not in metres: it is a scaled copy of the other one.
@@ -55,8 +55,6 @@ def unit_note(a: np.ndarray, b: np.ndarray, names: tuple[str, str] = ("A", "B"))
     return ""
 
 
-UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
-         "force": "N", "torque": "N m"}  # fmt: skip
 DIVERGED = 1e-3
 """Relative difference that counts as divergence without a bound, if above rounding (`floors`)."""
 CALENDAR = 1e6
@@ -211,40 +209,11 @@ def _named(a: Tracks, b: Tracks) -> dict[str, str]:
 
 
 def _add_body(result: Differences, name: str, a: Track, b: Track) -> None:
-    other = Interpolated(b)
-    within = _known(result, name, a, other)
-    if within.sum() == 0:
-        return
-    t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
-    position, orientation = other.at(t)
-    p = a.position[within]
-    if line := unit_note(p, position):
-        result.units[name] = line
-    series = {
-        "position": np.linalg.norm(position - p, axis=1),
-        "angle": angle_between(orientation, a.orientation[within]),
+    rates = {
+        "velocity": (a.linear_velocity, b.linear_velocity),
+        "spin": (a.angular_velocity, b.angular_velocity),
     }
-    scales = {"position": float(np.ptp(p, axis=0).max()), "angle": 1.0}
-    of_pose = other.uncertainty(t)
-    uncertainties = {"position": of_pose[0], "angle": of_pose[1]}
-    rates = (("velocity", a.linear_velocity, b.linear_velocity),
-             ("spin", a.angular_velocity, b.angular_velocity))  # fmt: skip
-    for quantity, one, two in rates:
-        if one is not None and two is not None:
-            series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
-            uncertainties[quantity] = other.uncertainty_of(two, t)[:, 0]
-            scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
-    result.t[name], result.series[name], result.scales[name] = a.t[within], series, scales
-    result.uncertainties[name] = uncertainties
-
-
-def _known(result: Differences, name: str, a: Track, b: Interpolated) -> np.ndarray:
-    """Mask of the samples of A at which B is known; counts the other ones within B's time span."""
-    within = overlap(a, b.track, result.clocks)
-    known = within & b.known(result.clocks.of(a.t))
-    if lost := int(within.sum() - known.sum()):
-        result.left_out[name] = lost
-    return known
+    _add(result, name, a, b, rates, posed=True)
 
 
 def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> None:
@@ -254,24 +223,54 @@ def _add_reaction(result: Differences, name: str, a: Wrenches, b: Wrenches) -> N
         Track(w.t, w.values[:, :3], np.tile([0.0, 0.0, 0.0, 1.0], (len(w.t), 1)), anew=w.anew)
         for w in (a, b)
     )
-    key = f"reaction {name}"
-    other = Interpolated(two)
-    within = _known(result, key, one, other)
-    if within.sum() == 0:
+    parts = {"force": slice(3), "torque": slice(3, 6)}
+    vectors = {each: (a.values[:, part], b.values[:, part]) for each, part in parts.items()}
+    _add(result, f"reaction {name}", one, two, vectors, posed=False)
+
+
+def _add(
+    result: Differences,
+    key: str,
+    a: Track,
+    b: Track,
+    vectors: Mapping[str, tuple[np.ndarray | None, np.ndarray | None]],
+    *,
+    posed: bool,
+) -> None:
+    """Add the differences of vectors (n, 3) of A and B, and of the poses if the tracks have any."""
+    other = Interpolated(b)
+    within = _known(result, key, a, other)
+    if not within.any():
         return
     t = np.clip(result.clocks.of(a.t[within]), b.t[0], b.t[-1])
-    result.t[key] = a.t[within]
-    difference = other.of(b.values, t) - a.values[within]
-    uncertainty = other.uncertainty_of(b.values, t)
-    result.series[key] = {
-        "force": np.linalg.norm(difference[:, :3], axis=1),
-        "torque": np.linalg.norm(difference[:, 3:], axis=1),
-    }
-    result.uncertainties[key] = {"force": uncertainty[:, 0], "torque": uncertainty[:, 1]}
-    result.scales[key] = {
-        "force": float(np.linalg.norm(a.values[:, :3], axis=1).max()),
-        "torque": float(np.linalg.norm(a.values[:, 3:], axis=1).max()),
-    }
+    series: dict[str, np.ndarray] = {}
+    scales: dict[str, float] = {}
+    uncertainties: dict[str, np.ndarray] = {}
+    if posed:
+        (position, orientation), p = other.at(t), a.position[within]
+        if line := unit_note(p, position):
+            result.units[key] = line
+        series["position"] = np.linalg.norm(position - p, axis=1)
+        series["angle"] = angle_between(orientation, a.orientation[within])
+        scales = {"position": float(np.ptp(p, axis=0).max()), "angle": 1.0}
+        of_pose = other.uncertainty(t)
+        uncertainties = {"position": of_pose[0], "angle": of_pose[1]}
+    for quantity, (one, two) in vectors.items():
+        if one is not None and two is not None:
+            series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
+            uncertainties[quantity] = other.uncertainty_of(two, t)[:, 0]
+            scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
+    result.t[key], result.series[key], result.scales[key] = a.t[within], series, scales
+    result.uncertainties[key] = uncertainties
+
+
+def _known(result: Differences, name: str, a: Track, b: Interpolated) -> np.ndarray:
+    """Mask of the samples of A at which B is known; counts the other ones within B's time span."""
+    within = overlap(a, b.track, result.clocks)
+    known = within & b.known(result.clocks.of(a.t))
+    if lost := int(within.sum() - known.sum()):
+        result.left_out[name] = lost
+    return known
 
 
 def summary(found: Differences, bounds: Mapping[str, float] | None = None) -> dict[str, Any]:

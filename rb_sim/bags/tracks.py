@@ -26,7 +26,7 @@ from rb_sim.bags.readings import UNSET_STAMPS, Readings
 from rb_sim.bags.transforms import POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.base.names import MOST_NAMED, first_few, ros_name
-from rb_sim.base.rounding import WRITTEN_ROUNDING
+from rb_sim.base.rounding import WRITTEN_ROUNDING, related
 from rb_sim.io.bag.batches import unpacked
 from rb_sim.io.bag.folder import bag_paths, scan_of
 from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
@@ -163,32 +163,32 @@ ROUNDING = 1e-11
 """Upper bound of relative rounding differences between two runs of the same motion."""
 
 
+UNITS = {"position": "m", "angle": "rad", "velocity": "m/s", "spin": "rad/s",
+         "force": "N", "torque": "N m"}  # fmt: skip
+"""Units of the quantities of two motions that are compared."""
+
+
 def length_of(bodies: Iterable[Any]) -> float:
     """Largest distance of a point of a scene's bodies from its body's origin [m]."""
     return max((hypot(*body.center_of_mass) + reach_of(body) for body in bodies), default=0.0)
 
 
 def floors(a: Tracks, b: Tracks) -> dict[str, float]:
-    """By quantity, the difference below which two motions count as equal: ROUNDING times magnitude.
-
-    Related quantities share a magnitude: a vanishing torque is compared with force times length."""
+    """Difference below which two motions count as equal, by quantity."""
     tracks = [*a.bodies.values(), *b.bodies.values()]
     covered = _largest(np.ptp(track.position, axis=0) for track in tracks)
     length = max(a.length, b.length, covered if covered > ROUNDING else 0.0) or 1.0
-    spin = _largest(_present(track.angular_velocity for track in tracks))
-    speed = max(_largest(_present(track.linear_velocity for track in tracks)), spin * length)
     wrenches = [w.values for w in (*a.reactions.values(), *b.reactions.values())]
-    torque = _largest(w[:, 3:] for w in wrenches)
-    force = max(_largest(w[:, :3] for w in wrenches), torque / length)
     sizes = {
         "position": length,
         "angle": 1.0,
-        "velocity": speed,
-        "spin": max(spin, speed / length),
-        "force": force,
-        "torque": max(torque, force * length),
+        "speed": _largest(_present(track.linear_velocity for track in tracks)),
+        "spin": _largest(_present(track.angular_velocity for track in tracks)),
+        "force": _largest(w[:, :3] for w in wrenches),
+        "torque": _largest(w[:, 3:] for w in wrenches),
     }
-    return {quantity: ROUNDING * size for quantity, size in sizes.items()}
+    found = related(sizes, length)
+    return {q: ROUNDING * found["speed" if q == "velocity" else q] for q in UNITS}
 
 
 def _present(values: Iterable[np.ndarray | None]) -> Iterable[np.ndarray]:

@@ -33,7 +33,7 @@ from rb_sim.catalogue.spec import BodyState
 from rb_sim.equilibrium.equilibrium import Element, Equilibrium, tangents
 from rb_sim.equilibrium.statics_of_scene import Load, active_loads, at_rest, still
 from rb_sim.equilibrium.statics_tables import StaticsResult
-from rb_sim.io.extent import drawn_cylinder
+from rb_sim.io.extent import drawn_solid
 from rb_sim.scene import shapes
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Body, Scene
@@ -68,8 +68,8 @@ def _local_points(shape: shapes.Shape) -> Array:
         case shapes.Disk():
             return shape.radius * _ring(shape.axis_B)
         case shapes.Rod():
-            length, radius = drawn_cylinder(shape)
-            return _tube(0.5 * radius, length, shape.axis_B)
+            rod = drawn_solid(shape)
+            return _tube(0.5 * rod.radius, rod.length, shape.axis_B)
         case shapes.Cylinder():
             return _tube(shape.radius, shape.length, shape.axis_B)
     return np.zeros((0, 3))

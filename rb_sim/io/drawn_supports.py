@@ -7,18 +7,18 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Solids of the bodies and symbols of their supports, for the 3D page of a run.
+"""Solids of the bodies and symbols of their supports, for the 3D page of a run and for Rerun.
 
 Solids: {kind, sizes, center, axis or axes}, in body axes from the centre of mass, or in the world.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.io.extent import drawn_cylinder, half_box, inertia_box, reach_of
+from rb_sim.io.extent import drawn_solid, half_box, inertia_box, reach_of
 from rb_sim.io.rerun.arrow_scales import nice
 from rb_sim.numerics.rotations import conjugate, rotate
 
@@ -29,6 +29,8 @@ CELLS = 12.0
 """Grid cells across the scene."""
 ARM = 0.004
 """Radius of the arm between a body and its joint, relative to the scene's size."""
+ALONG = 181
+"""Points of a rail along a curve."""
 
 
 def solid_of(body: Any) -> dict[str, Any]:
@@ -38,29 +40,36 @@ def solid_of(body: Any) -> dict[str, Any]:
         half, axes = inertia_box(body)
         about = {"center": [0.0, 0.0, 0.0], "axes": axes.T.tolist(), "ghost": True}
         return {"kind": "box", "half": half.tolist(), **about}
-    center = (np.array(shape.center_B) - np.array(body.center_of_mass)).tolist()
-    return {"center": center, **_sizes(shape)}
+    solid, about = drawn_solid(shape), {}
+    about["center"] = (np.array(shape.center_B) - np.array(body.center_of_mass)).tolist()
+    about["kind"] = solid.kind
+    match solid.kind:
+        case "ball":
+            return {**about, "radius": solid.radius}
+        case "cylinder":
+            sizes = {"radius": solid.radius, "length": solid.length}
+            return {**about, **sizes, "axis": list(shape.axis_B)}
+    return {**about, "half": solid.half.tolist()}
 
 
-def _sizes(shape: Any) -> dict[str, Any]:
-    match shape.type:
-        case "sphere":
-            return {"kind": "ball", "radius": shape.radius}
-        case "box":
-            return {"kind": "box", "half": (0.5 * np.array(shape.size)).tolist()}
-        case "ellipsoid":
-            return {"kind": "ellipsoid", "half": list(shape.semi_axes)}
-        case _:
-            length, radius = drawn_cylinder(shape)
-            along = {"axis": list(shape.axis_B)}
-            return {"kind": "cylinder", "radius": radius, "length": length, **along}
+KINDS = ("solids", "planes", "lines", "links", "joints")
+
+
+class Sight(NamedTuple):
+    """The part of the world that is drawn, relative to the local origin of the drawing [m]."""
+
+    center: Array
+    size: float
+    low: float
+    """height of the lowest centre of mass."""
 
 
 class Supports:
-    """Pivots, axes, rails, planes, rods and springs of a scene, in the format of the page.
+    """Pivots, axes, rails, planes, rods and springs of a scene.
 
-    block: samples; the first one gives the positions of joints. view: centre and size of the scene
-    [m]; origin: origin of the page's positions in the world [m].
+    block: samples; the first one gives the positions of joints. origin: of the drawing, in the
+    world [m]. `items`: what is drawn: name of the constraint or effect, one of KINDS, and the
+    drawing, relative to the body `on` (centre of mass, body axes), or with -1 to the origin.
     """
 
     def __init__(
@@ -68,28 +77,32 @@ class Supports:
         scene: Any,
         layout: SampleLayout,
         block: SampleBlock,
-        view: tuple[Array, float],
+        view: Sight,
         origin: Array,
     ) -> None:
         self._scene, self._layout, self._block = scene, layout, block
-        (self._center, self._size), self._origin = view, origin
-        self.solids: list[dict[str, Any]] = []
-        self.planes: list[dict[str, Any]] = []
-        self.lines: list[dict[str, Any]] = []
-        self.links: list[dict[str, Any]] = []
-        self.joints: list[dict[str, Any]] = []
-        specs = [*scene.constraints.values(), *getattr(scene, "effects", {}).values()]
-        for spec in specs:
+        (self._center, self._size, self._low), self._origin = view, origin
+        self.items: list[tuple[str, str, dict[str, Any]]] = []
+        for name, spec in [*scene.constraints.items(), *getattr(scene, "effects", {}).items()]:
             draw = getattr(self, f"_draw_{spec.type}", None)
             if draw is not None:
+                self._name = name
                 draw(spec)
-        if not any(plane["on"] < 0 and plane["normal"][2] > 0.5 for plane in self.planes):
+        if not any(plane["on"] < 0 and plane["normal"][2] > 0.5 for plane in self.of("planes")):
             self._ground()
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        """The drawings of one of KINDS."""
+        return [item for _, each, item in self.items if each == kind]
 
     def as_dict(self) -> dict[str, Any]:
         """Data for the page."""
-        names = ("solids", "planes", "lines", "links", "joints")
-        return {name: getattr(self, name) for name in names}
+        return {kind: self.of(kind) for kind in KINDS}
+
+    def _add(self, kind: str, item: dict[str, Any]) -> None:
+        """Append a drawing unless it exists already (a hundred balls may share one floor)."""
+        if item not in self.of(kind):
+            self.items.append((self._name, kind, item))
 
     # Positions: in the world at the first sample, then in the frame that they move with.
 
@@ -130,7 +143,7 @@ class Supports:
     def _hinge(self, body: str, point: Any) -> None:
         """Add a joint, and an arm to it if it lies outside the body's shape."""
         joint = self._joint(body, point)
-        self.joints.append(joint)
+        self._add("joints", joint)
         shape = self._scene.bodies[body].shape
         if shape is None:
             return
@@ -140,7 +153,7 @@ class Supports:
             return
         sizes = {"radius": ARM * self._size, "length": float(np.linalg.norm(arm)), "plain": True}
         about = {"center": (center + 0.5 * arm).tolist(), "axis": (arm / sizes["length"]).tolist()}
-        self.solids.append({"kind": "cylinder", **sizes, **about, "on": self._on(body)})
+        self._add("solids", {"kind": "cylinder", **sizes, **about, "on": self._on(body)})
 
     # One method for each drawn type of constraint or effect, called by name.
 
@@ -151,7 +164,7 @@ class Supports:
             length = 0.07 * self._size
             cone = {"kind": "cone", "radius": 0.45 * length, "length": length, "on": -1}
             center = (point - [0.0, 0.0, 0.5 * length]).tolist()
-            self.solids.append({**cone, "center": center, "axis": [0.0, 0.0, 1.0]})
+            self._add("solids", {**cone, "center": center, "axis": [0.0, 0.0, 1.0]})
 
     def _draw_fixed_axis(self, spec: Any) -> None:
         """Draw the axis as a line, with a bearing at each end if it is fixed in the world."""
@@ -159,13 +172,12 @@ class Supports:
         axis = self._turned(spec.body, spec.axis_B)
         half = 1.15 * max(reach_of(self._scene.bodies[spec.body]), 0.12 * self._size)
         ends = [point - half * axis, point + half * axis]
-        line = [self._in(_parent(spec), end) for end in ends]
-        self.lines.append({"on": self._on(_parent(spec)), "points": line, "dash": True})
+        self._line(_parent(spec), ends, dash=True)
         if _parent(spec) is None:
             sizes = {"radius": 0.018 * self._size, "length": 0.04 * self._size, "plain": True}
             for end in ends:
                 about = {"center": end.tolist(), "axis": axis.tolist(), "on": -1}
-                self.solids.append({"kind": "cylinder", **sizes, **about})
+                self._add("solids", {"kind": "cylinder", **sizes, **about})
         self._hinge(spec.body, spec.point_B)
 
     def _draw_translation(self, spec: Any) -> None:
@@ -175,21 +187,21 @@ class Supports:
         start = self._world(spec.body, spec.point_B)
         if guide.type == "line":
             axis = self._turned(_parent(spec), guide.direction)
-            points = [start + s * self._size * axis for s in (-0.75, 0.75)]
+            foot = start + np.dot(self._center - start, axis) * axis
+            points = [foot + s * self._size * axis for s in (-0.75, 0.75)]
         elif guide.type == "circle":
             center = self._world(_parent(spec), guide.center)
             normal = self._turned(_parent(spec), guide.normal)
             points = _circle(center, normal, start - center)
         else:
-            points = [self._world(_parent(spec), p) for p in guide.points]
-        line = [self._in(_parent(spec), point) for point in points]
-        self.lines.append({"on": self._on(_parent(spec)), "points": line})
+            points = [self._world(_parent(spec), p) for p in guide.points_along(ALONG)]
+        self._line(_parent(spec), points)
 
     def _link(self, kind: str, spec: Any, ends: Any) -> None:
         from_ = self._joint(spec.body, ends.point_B)
         there = self._in(_parent(spec), self._world(_parent(spec), ends.point_A))
         to = {"on": self._on(_parent(spec)), "point": there}
-        self.links.append({"kind": kind, "from": from_, "to": to})
+        self._add("links", {"kind": kind, "from": from_, "to": to})
 
     def _draw_distance(self, spec: Any) -> None:
         self._link("rod", spec, spec)
@@ -236,7 +248,7 @@ class Supports:
         if surface.side == "outside" and radius < self._size:
             ball = {"kind": "ball", "radius": radius, "plain": True}
             about = {"center": self._in(parent, center), "on": self._on(parent)}
-            self._add_once(self.solids, {**ball, **about})
+            self._add("solids", {**ball, **about})
             return
         pole = self._center - center
         pole = pole / (np.linalg.norm(pole) or 1.0) if pole.any() else np.eye(3)[2]
@@ -244,11 +256,11 @@ class Supports:
         wide = min(0.5 * np.pi, 0.6 * self._size / radius)
         for angle in np.linspace(0.0, wide, 6)[1:]:
             middle = center + radius * np.cos(angle) * pole
-            self._wire(parent, _circle(middle, pole, radius * np.sin(angle) * across))
+            self._line(parent, _circle(middle, pole, radius * np.sin(angle) * across))
         for start in _circle(np.zeros(3), pole, across)[:-1:6]:
             angles = np.linspace(0.0, wide, 21)
             points = [center + radius * (np.cos(a) * pole + np.sin(a) * start) for a in angles]
-            self._wire(parent, points)
+            self._line(parent, points)
 
     def _pipe(self, parent: str | None, surface: Any) -> None:
         axis = self._turned(parent, surface.axis)
@@ -258,17 +270,17 @@ class Supports:
             sizes = {"radius": surface.radius, "length": self._size, "plain": True}
             center, along = self._in(parent, middle), self._direction_in(parent, axis)
             about = {"center": center, "axis": along, "on": self._on(parent)}
-            self._add_once(self.solids, {"kind": "cylinder", **sizes, **about})
+            self._add("solids", {"kind": "cylinder", **sizes, **about})
             return
         across = surface.radius * _across(axis)
         for s in np.linspace(-0.5, 0.5, 5):
-            self._wire(parent, _circle(middle + s * self._size * axis, axis, across))
+            self._line(parent, _circle(middle + s * self._size * axis, axis, across))
         for point in _circle(middle, axis, across)[:-1:6]:
-            self._wire(parent, [point + s * self._size * axis for s in (-0.5, 0.5)])
+            self._line(parent, [point + s * self._size * axis for s in (-0.5, 0.5)])
 
-    def _wire(self, parent: str | None, points: list[Array]) -> None:
+    def _line(self, parent: str | None, points: list[Array], **style: Any) -> None:
         line = [self._in(parent, point) for point in points]
-        self._add_once(self.lines, {"on": self._on(parent), "points": line})
+        self._add("lines", {"on": self._on(parent), "points": line, **style})
 
     def _plane(self, parent: str | None, point: Array, normal: Array, motion: Any = None) -> None:
         foot = self._center - np.dot(self._center - point, normal) * normal
@@ -282,21 +294,15 @@ class Supports:
         }
         if motion is not None:
             plane |= _moves(motion, self._origin)
-        self._add_once(self.planes, plane)
+        self._add("planes", plane)
 
     def _ground(self) -> None:
         """Add a faint ground plane below all bodies if the scene has none."""
-        heights = self._block.position[:, :, 2]
         reach = min((reach_of(b) for b in self._scene.bodies.values()), default=0.0)
-        low = float(np.nanmin(heights)) - reach
-        joints = [s["center"][2] - 0.5 * s["length"] for s in self.solids if s["kind"] == "cone"]
-        self.planes.append(ground(self._center, self._size, min([low, *joints])))
-
-    @staticmethod
-    def _add_once(drawn: list[dict[str, Any]], one: dict[str, Any]) -> None:
-        """Append a drawing unless it exists already (a hundred balls may share one floor)."""
-        if one not in drawn:
-            drawn.append(one)
+        cones = [solid for solid in self.of("solids") if solid["kind"] == "cone"]
+        tips = [cone["center"][2] - 0.5 * cone["length"] for cone in cones]
+        self._name = "ground"
+        self._add("planes", ground(self._center, self._size, min([self._low - reach, *tips])))
 
 
 def _parent(spec: Any) -> str | None:

@@ -11,9 +11,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from rb_sim.numerics.rotations import from_z
 
 THIN_DISK = 0.03
 """Drawn thickness of a disk, relative to its radius."""
@@ -22,11 +24,43 @@ THIN_ROD = 0.02
 """Drawn radius of a rod without one, relative to its length."""
 
 
-def drawn_cylinder(shape: Any) -> tuple[float, float]:
-    """Length and radius [m] with which a disk, a cylinder or a rod is drawn."""
-    if shape.type == "disk":
-        return THIN_DISK * shape.radius, shape.radius
-    return shape.length, THIN_ROD * shape.length if shape.radius is None else shape.radius
+NO_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class Solid(NamedTuple):
+    """The solid with which a shape is drawn, about the shape's centre."""
+
+    kind: str
+    """ball, ellipsoid, box or cylinder."""
+    half: np.ndarray
+    """half edges of the box around it along its own axes (3,) [m]; the last is the cylinder's."""
+    turn: np.ndarray = NO_TURN
+    """rotation from its own axes to body axes."""
+
+    @property
+    def radius(self) -> float:
+        """Radius of a ball or a cylinder; of the ball around an ellipsoid [m]."""
+        return float(self.half[0] if self.kind == "cylinder" else self.half.max())
+
+    @property
+    def length(self) -> float:
+        """Length of a cylinder [m]."""
+        return 2.0 * float(self.half[2])
+
+
+def drawn_solid(shape: Any) -> Solid:
+    """How every view draws a shape: a disk and a rod without thickness get some."""
+    match shape.type:
+        case "sphere":
+            return Solid("ball", np.full(3, float(shape.radius)))
+        case "ellipsoid":
+            return Solid("ellipsoid", np.array(shape.semi_axes, dtype=float))
+        case "box":
+            return Solid("box", 0.5 * np.array(shape.size, dtype=float))
+    length = THIN_DISK * shape.radius if shape.type == "disk" else shape.length
+    radius = THIN_ROD * length if shape.radius is None else shape.radius
+    half = np.array([radius, radius, 0.5 * length])
+    return Solid("cylinder", half, from_z(np.array(shape.axis_B, dtype=float)))
 
 
 def inertia_box(body: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -47,16 +81,10 @@ def reach_of(body: Any) -> float:
 
 
 def half_box(shape: Any) -> np.ndarray:
-    """Half edges of the bounding box of the shape, body axes (3,) [m]."""
-    match shape.type:
-        case "sphere":
-            return np.full(3, float(shape.radius))
-        case "box":
-            return 0.5 * np.array(shape.size, dtype=float)
-        case "ellipsoid":
-            return np.array(shape.semi_axes, dtype=float)
-        case _:
-            axis = np.abs(np.array(shape.axis_B, dtype=float))
-            across = np.sqrt(np.maximum(0.0, 1.0 - axis**2))
-            length = float(getattr(shape, "length", 0.0))
-            return 0.5 * length * axis + float(shape.radius or 0.0) * across
+    """Half edges of the bounding box of the drawn shape, body axes (3,) [m]."""
+    solid = drawn_solid(shape)
+    if solid.kind != "cylinder":
+        return solid.half
+    axis = np.abs(np.array(shape.axis_B, dtype=float))
+    across = np.sqrt(np.maximum(0.0, 1.0 - axis**2))
+    return 0.5 * solid.length * axis + solid.radius * across

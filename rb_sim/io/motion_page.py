@@ -35,7 +35,7 @@ from rb_sim.base.palette import (
     STICKING,
 )
 from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.io.drawn_supports import Supports, solid_of
+from rb_sim.io.drawn_supports import Sight, Supports, solid_of
 from rb_sim.io.extent import reach_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
@@ -111,7 +111,7 @@ class RunPage:
         extent.add(self.kept)
         center, size = extent.center_and_size()
         self.origin = local_origin(center, size)
-        self._view = center - self.origin, size
+        self._view = Sight(center - self.origin, size, extent.lowest - self.origin[2])
         self._here = replace(
             self.kept,
             position=self.kept.position - self.origin,
@@ -136,7 +136,7 @@ class RunPage:
             "facts": [*facts, *self._counted()],
             "warnings": list(warnings),
             "legend": self._legend(supports),
-            "view": {"center": self._view[0].tolist(), "size": self._view[1]},
+            "view": {"center": self._view.center.tolist(), "size": self._view.size},
             "colors": COLORS,
             "bodies": self._bodies(),
             "supports": supports.as_dict(),
@@ -175,7 +175,7 @@ class RunPage:
         return rows
 
     def _legend(self, supports: Supports) -> list[str]:
-        steps = sorted({plane["step"] for plane in supports.planes})
+        steps = sorted({plane["step"] for plane in supports.of("planes")})
         return [f"grid {steps[0]:g} m"] if steps else []
 
     def _bodies(self) -> list[dict[str, Any]]:
@@ -183,7 +183,7 @@ class RunPage:
         for i, name in enumerate(self.layout.bodies):
             body = self.scene.bodies[name]
             reach = reach_of(body)
-            about = {"color": CYCLE[i % len(CYCLE)], "reach": reach or 0.1 * self._view[1]}
+            about = {"color": CYCLE[i % len(CYCLE)], "reach": reach or 0.1 * self._view.size}
             found.append({"name": name, "solid": solid_of(body), **about})
         return found
 
@@ -233,7 +233,7 @@ class RunPage:
             "command": ("applied wrenches: forces", COMMAND, True),
             "applied": ("forces of effects (gravity, springs, drag)", APPLIED, False),
         }
-        length = max(max((b["reach"] for b in self._bodies()), default=0.0), self._view[1] / 8.0)
+        length = max(max((b["reach"] for b in self._bodies()), default=0.0), self._view.size / 8.0)
         every = [one["vector"] for group in wanted.values() for one in group]
         force = self._per_metre(every, length)
         groups, arrows = {}, []
@@ -241,7 +241,9 @@ class RunPage:
             about = {"name": name, "unit": "N", "color": color, "on": on, "heads": 1}
             self._add(groups, arrows, key, wanted[key], force, length, about)
         least = (
-            WRITTEN_ROUNDING * float(np.nanmax(norms(np.array(every)), initial=0.0)) * self._view[1]
+            WRITTEN_ROUNDING
+            * float(np.nanmax(norms(np.array(every)), initial=0.0))
+            * self._view.size
         )
         torques = [one for one in torques if norms(one["vector"]).max(initial=0.0) > least]
         torque = self._per_metre([one["vector"] for one in torques], length)
@@ -256,7 +258,7 @@ class RunPage:
         lengths, all_ = Lengths(), np.stack(vectors, axis=1)
         lengths.add(all_)
         greatest = np.nanmax(norms(all_), axis=1)
-        longest = float(np.nanquantile(greatest, IN_VIEW)) / (LONGEST * self._view[1])
+        longest = float(np.nanquantile(greatest, IN_VIEW)) / (LONGEST * self._view.size)
         return max(1.0 / lengths.per_metre(length), nice(2.0 * longest) if longest > 0.0 else 0.0)
 
     def _add(
@@ -302,7 +304,11 @@ class RunPage:
         force = float(np.nanmax(np.abs(samples.reaction_force), initial=0.0))
         size = max(float(np.nanmax(np.abs(energy), initial=0.0)), 1e-300)
         torque = float(np.nanmax(np.abs(samples.reaction_torque), initial=0.0))
-        self._scale = {"energy": size, "force": force, "torque": max(force * self._view[1], torque)}
+        self._scale = {
+            "energy": size,
+            "force": force,
+            "torque": max(force * self._view.size, torque),
+        }
         packed_energy = packed(np.nan_to_num(self._values[:, :3]))
         return {"t": packed(t, "float64"), "energy": packed_energy, "scale": self._scale}
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.palette import AXES, ENERGIES
+from rb_sim.base.rounding import related
 from rb_sim.io.contact_power import smooth_power
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.sink import stretches
@@ -345,37 +346,19 @@ def _residual(block: SampleBlock) -> Array:
 def scales(scene: Scene, panels: list[Panel], values: list[Array]) -> dict[str, float]:
     """Reference magnitude of each kind of quantity in this run.
 
-    values: of each panel, shape (n, labels). Related kinds share a scale: a vanishing torque is
-    compared with force times length.
+    values: of each panel, shape (n, labels).
     """
-    kinds = ("length", "speed", "spin", "force", "torque", "power", "acceleration", "turning")
-    size = dict.fromkeys(kinds, 0.0)
-    energy = 0.0
+    reaches = [body.shape.reach for body in scene.bodies.values() if body.shape is not None]
+    size = {"length": max(reaches, default=0.0), "energy": 0.0}
     for panel, rows in zip(panels, values, strict=True):
         finite = np.where(np.isfinite(rows), rows, 0.0)
         if not finite.size:
             continue
         if panel.kind == "length":
-            ranges = float(np.ptp(finite, axis=0).max())
-            size["length"] = max(size["length"], ranges)
+            largest = float(np.ptp(finite, axis=0).max())
         elif panel.kind == "energy":
-            energy = max(energy, *np.ptp(finite, axis=0), float(np.abs(finite[:, 0]).max()))
-        elif panel.kind in size:
-            size[panel.kind] = max(size[panel.kind], float(np.abs(finite).max()))
-    bodies = [body.shape.reach for body in scene.bodies.values() if body.shape is not None]
-    length = max([size["length"], *bodies])
-    speed = max(size["speed"], size["spin"] * max(bodies, default=0.0))
-    return {
-        "length": length,
-        "attitude": 1.0,
-        "angle": 180.0,
-        "speed": speed,
-        "spin": max(size["spin"], speed / length if length else 0.0),
-        "force": size["force"],
-        "torque": max(size["torque"], size["force"] * length),
-        "energy": energy,
-        "power": max(size["power"], size["force"] * speed),
-        "residual": 1.0,
-        "acceleration": max(size["acceleration"], size["turning"] * length),
-        "turning": max(size["turning"], size["acceleration"] / length if length else 0.0),
-    }
+            largest = max(*np.ptp(finite, axis=0).tolist(), float(np.abs(finite[:, 0]).max()))
+        else:
+            largest = float(np.abs(finite).max())
+        size[panel.kind] = max(size.get(panel.kind, 0.0), largest)
+    return related(size | {"attitude": 1.0, "angle": 180.0, "residual": 1.0}, size["length"])

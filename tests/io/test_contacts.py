@@ -190,7 +190,11 @@ def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
     sink.close()
     run = [str(RERUN), "rrd", "stats", str(sink.path)]
     stats = subprocess.run(run, check=True, capture_output=True, text=True, timeout=60).stdout
-    for entity in ("/world/support/floor", "/world/ball/support/feet", "/world/contact/feet/1"):
+    for entity in (
+        "/world/support/floor/planes/0",
+        "/world/ball/support/feet/solids/0",
+        "/world/contact/feet/1",
+    ):
         assert f"{entity}:" in stats, entity
     whole = concatenate(blocks(), LAYOUT)
     _, states = column(sink.path, "/plots/contacts/feet/1", "Scalars:scalars")

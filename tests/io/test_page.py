@@ -209,13 +209,13 @@ def test_closed_forms_of_contact_have_samples():
 
 def test_supports_stand_where_the_scene_has_them(scene, layout, samples):
     """Floor at z = 0; the hinge's axis through (0.5, 0.5), with a bearing at each end."""
-    from rb_sim.io.drawn_supports import Supports
+    from rb_sim.io.drawn_supports import Sight, Supports
 
     block = samples(5)
     origin = np.array([0.5, 0.0, 0.0])
     block.position[0, 1] = [0.8, 0.5, 0.5] - origin
     block.orientation[0] = [0.0, 0.0, 0.0, 1.0]
-    drawn = Supports(scene, layout, block, (np.zeros(3), 2.0), origin).as_dict()
+    drawn = Supports(scene, layout, block, Sight(np.zeros(3), 2.0, 0.0), origin).as_dict()
     (plane,) = drawn["planes"]
     assert plane["point"][2] == 0.0 and plane["normal"] == [0, 0, 1] and plane["thing"]
     (line,) = drawn["lines"]

@@ -153,33 +153,94 @@ def points_of(path: Path, entity: str, component: str) -> np.ndarray:
     """Numbers of a component of an entity that does not change, shape (n, 3)."""
     from rerun.chunk import RrdReader
 
+    found = None
     for chunk in RrdReader(path).stream():
         batch = chunk.to_record_batch()
         if chunk.entity_path == entity and chunk.is_static and component in batch.schema.names:
             found = batch.column(component).to_pylist()[-1]
-            flat = np.array(found, dtype=float)
-            return flat.reshape(-1, 3)
-    raise AssertionError(f"no {component} of {entity}")
+    assert found is not None, f"no {component} of {entity}"
+    return np.array(found, dtype=float).reshape(-1, 3)
 
 
 @needs_rerun
 def test_what_holds_the_bodies_is_drawn(tmp_path):
     path = at_rest(tmp_path, load_scene(SUPPORTS))
     run("rrd", "verify", path)
-    tip = points_of(path, "/world/top/support/tip", "Ellipsoids3D:centers")
+    tip = points_of(path, "/world/top/support/tip/joints/0", "Points3D:positions")
     assert tip.tolist() == [[0.0, 0.0, -1.0]]
-    hinge = points_of(path, "/world/door/support/hinge", "Cylinders3D:centers")
+    cone = points_of(path, "/world/support/tip/solids/0", "Mesh3D:vertex_positions")
+    np.testing.assert_allclose(cone[2::3], np.tile([0, 0, -1], (len(cone) // 3, 1)), atol=1e-6)
+    hinge = points_of(path, "/world/door/support/hinge/joints/0", "Points3D:positions")
     assert hinge.tolist() == [[1.0, 0.0, 0.0]]
-    axis = points_of(path, "/world/door/support/hinge/axis", "LineStrips3D:strips")
+    axis = points_of(path, "/world/support/hinge/lines/0", "LineStrips3D:strips")
     assert axis[0, 1] == -axis[1, 1] != 0.0 and (axis[:, [0, 2]] == [1.0, 0.0]).all()
-    ring = points_of(path, "/world/support/ring", "LineStrips3D:strips")
+    bearings = [
+        points_of(path, f"/world/support/hinge/solids/{k}", "Cylinders3D:centers")[0]
+        for k in (0, 1)
+    ]
+    np.testing.assert_allclose(bearings, axis)
+    ring = points_of(path, "/world/support/ring/lines/0", "LineStrips3D:strips")
     np.testing.assert_allclose(np.linalg.norm(ring - [0, 0, 1], axis=1), 1.0, atol=1e-6)
-    assert np.ptp(points_of(path, "/world/support/rail", "LineStrips3D:strips")[:, 0]) > 1.0
-    curve = points_of(path, "/world/support/curve", "LineStrips3D:strips")
+    rail = points_of(path, "/world/support/rail/lines/0", "LineStrips3D:strips")
+    assert np.ptp(rail[:, 0]) > 1.0
+    curve = points_of(path, "/world/support/curve/lines/0", "LineStrips3D:strips")
     for point in ([0, 0, 2], [1, 0, 3], [4, 1, 2]):
         assert np.linalg.norm(curve - point, axis=1).min() < 0.03
-    table = points_of(path, "/world/support/table", "LineStrips3D:strips")
+    table = points_of(path, "/world/support/table/planes/0", "LineStrips3D:strips")
     assert len(table) > 12 and np.ptp(table[:, 2]) < 1e-6  # lines, which hide nothing
+
+
+@needs_rerun
+def test_a_rod_and_a_spring_join_their_ends_in_a_recording(tmp_path):
+    """The rod from its pivot to a bob, the spring between two bobs, at every sample."""
+    from rb_sim import Simulation
+
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
+    scene = {
+        "bodies": {"a": {**ball, "position": [1, 0, 2]}, "b": {**ball, "position": [2, 0, 2]}},
+        "constraints": {"rod": {"type": "distance", "body": "a", "point_A": [0, 0, 2]}},
+        "effects": {
+            "g": {"type": "gravity"},
+            "spring": {"type": "spring", "body": "b", "parent": "a", "stiffness": 1.0},
+        },
+        "simulation": {"duration": 0.5, "rate": 20},
+    }
+    simulation = Simulation(load_scene(scene))
+    sink = RerunSink(tmp_path / "r.rrd")
+    found = simulation.run(sinks=[sink])
+    sink.close()
+    pivot = np.tile([0.0, 0.0, 2.0], (len(found), 1))
+    a, b = found.position["a"], found.position["b"]
+    for name, ends in {"rod": (a, pivot), "spring": (b, a)}.items():
+        _, rows = column(sink.path, f"/world/support/{name}/links/0", "LineStrips3D:strips")
+        np.testing.assert_allclose(np.array(rows)[:, 0], np.stack(ends, axis=1), atol=1e-6)
+
+
+@needs_rerun
+def test_a_globe_that_outgrows_the_view_becomes_lines(tmp_path):
+    """A ball that leaves a globe far behind: seen as a whole at last, as lines at first."""
+    from rb_sim.mechanics.samples import SampleLayout, empty_block
+
+    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [0, 0, 10.1]}
+    globe = {"type": "sphere", "center": [0, 0, 0], "radius": 10.0}
+    scene = load_scene({
+        "bodies": {"ball": ball},
+        "constraints": {"globe": {"type": "contact", "body": "ball", "surface": globe}},
+    })  # fmt: skip
+    sink = RerunSink(tmp_path / "r.rrd")
+    sink.open(scene, SampleLayout(("ball",), (), (), ()))
+    block = empty_block(2, sink._layout)
+    block.orientation[..., 3] = 1.0
+    for height in (10.1, 100.0):
+        block.t[:] += 1.0
+        block.position[..., 2] = height
+        sink.write(block)
+        sink._flush()
+    sink.close()
+    folder = "/world/support/globe"
+    assert len(points_of(sink.path, f"{folder}/lines/0", "LineStrips3D:strips")) == 0
+    centers = points_of(sink.path, f"{folder}/solids/0", "Ellipsoids3D:centers")
+    assert centers.tolist() == [[0.0, 0.0, 0.0]]
 
 
 @needs_rerun
@@ -234,15 +295,15 @@ def test_every_shape(tmp_path):
 def test_what_has_no_thickness_is_drawn_with_some(shape, length, radius):
     """In a recording and on a page alike."""
     from rb_sim.io.drawn_supports import solid_of
-    from rb_sim.io.rerun.static import shape_archetype
+    from rb_sim.io.rerun.static import solid_archetype
 
     body = load_scene({"bodies": {"b": {"mass": 1, "inertia": [1, 1, 1], "shape": shape}}}).bodies[
         "b"
     ]
-    recorded = shape_archetype(body.shape, (0, 0, 0, 255))
+    solid = solid_of(body)
+    recorded = solid_archetype(solid, np.zeros(3), (0, 0, 0, 255))
     drawn = recorded.lengths.as_arrow_array()[0].as_py(), recorded.radii.as_arrow_array()[0].as_py()
     assert drawn == pytest.approx((length, radius), rel=1e-6)
-    solid = solid_of(body)
     assert (solid["length"], solid["radius"]) == pytest.approx((length, radius))
 
 

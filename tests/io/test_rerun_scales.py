@@ -54,7 +54,10 @@ def test_the_box_around_a_disk_that_leans():
     class Disk:
         type, radius, axis_B = "disk", 2.0, (0.6, 0.0, 0.8)
 
-    np.testing.assert_allclose(half_box(Disk), [2.0 * 0.8, 2.0, 2.0 * 0.6])
+    """A disk is drawn with a thickness of 0.03 radii."""
+    thick = 0.03 * 2.0 / 2.0
+    expected = [2.0 * 0.8 + thick * 0.6, 2.0, 2.0 * 0.6 + thick * 0.8]
+    np.testing.assert_allclose(half_box(Disk), expected)
 
 
 def test_the_box_of_a_body_without_a_shape_has_its_inertia():

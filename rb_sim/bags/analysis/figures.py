@@ -18,7 +18,7 @@ import numpy as np
 
 from rb_sim.bags.info import LONG, Rates
 from rb_sim.bags.transforms import IMU, POSE, SCALAR, TWIST, WRENCH
-from rb_sim.base.rounding import WRITTEN_ROUNDING
+from rb_sim.base.rounding import WRITTEN_ROUNDING, related
 from rb_sim.io.sink import Envelope
 
 # Units by column name.
@@ -242,22 +242,19 @@ RESIDUAL = "residual"
 """Source that is already relative to the scene's scale, so that its reference magnitude is 1."""
 
 
-def sizes_of(sources: Iterable[tuple[str, Figures]], length: float) -> dict[str, float]:
-    """Largest absolute value for each unit.
+KINDS = {"rad/s": "spin", "m/s": "speed", "N": "force", "N m": "torque", "W": "power"}
 
-    length: reach r [m] of the bodies from their origins. A spin w then counts as a speed r w, and a
-    force F as a torque F r; a force F at a speed v is a power F v.
-    """
+
+def sizes_of(sources: Iterable[tuple[str, Figures]], length: float) -> dict[str, float]:
+    """Reference magnitude of each unit. length: reach of the bodies from their origins [m]."""
     sizes: dict[str, float] = {}
     for name, figures in sources:
         for column, size in zip(figures.names, figures.size.tolist(), strict=True):
             unit = unit_of(name, column)
             sizes[unit] = max(sizes.get(unit, 0.0), size)
     sizes["m"] = max(sizes.get("m", 0.0), length)
-    sizes["m/s"] = max(sizes.get("m/s", 0.0), length * sizes.get("rad/s", 0.0))
-    sizes["N m"] = max(sizes.get("N m", 0.0), length * sizes.get("N", 0.0))
-    sizes["W"] = max(sizes.get("W", 0.0), sizes.get("N", 0.0) * sizes["m/s"])
-    return sizes
+    found = related({kind: sizes.get(unit, 0.0) for unit, kind in KINDS.items()}, length)
+    return sizes | {unit: found[kind] for unit, kind in KINDS.items()}
 
 
 def sizes_beside(name: str, figures: Figures, sizes: Mapping[str, float]) -> np.ndarray:

@@ -17,12 +17,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rb_sim.base.names import ros_name
-from rb_sim.io.extent import drawn_cylinder
+from rb_sim.io.extent import drawn_solid
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.packing import stamps_of
 from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame
 from rb_sim.mechanics.samples import centers_of_mass, origins
-from rb_sim.numerics.rotations import conjugate, from_z, product, roll_pitch_yaw, rotate
+from rb_sim.numerics.rotations import conjugate, product, roll_pitch_yaw, rotate
 from rb_sim.numerics.vectors import quaternion_product
 
 if TYPE_CHECKING:
@@ -211,20 +211,17 @@ def _link(name: str, body: Body) -> Element:
 
 def _shape(part: Element, shape: Any) -> None:
     """Add the geometry; an ellipsoid, which URDF lacks, as a sphere with its largest semi-axis."""
-    turn = from_z(np.array(getattr(shape, "axis_B", (0.0, 0.0, 1.0))))
-    _origin(part, np.array(shape.center_B), turn)
+    solid = drawn_solid(shape)
+    _origin(part, np.array(shape.center_B), solid.turn)
     geometry = ElementTree.SubElement(part, "geometry")
-    match shape.type:
-        case "sphere":
-            ElementTree.SubElement(geometry, "sphere", radius=_text(shape.radius))
-        case "ellipsoid":
-            ElementTree.SubElement(geometry, "sphere", radius=_text(shape.reach))
+    match solid.kind:
         case "box":
-            ElementTree.SubElement(geometry, "box", size=_texts(shape.size))
-        case _:
-            length, radius = drawn_cylinder(shape)
-            entries = {"length": _text(length), "radius": _text(radius)}
+            ElementTree.SubElement(geometry, "box", size=_texts(2.0 * solid.half))
+        case "cylinder":
+            entries = {"length": _text(solid.length), "radius": _text(solid.radius)}
             ElementTree.SubElement(geometry, "cylinder", entries)
+        case _:
+            ElementTree.SubElement(geometry, "sphere", radius=_text(solid.radius))
 
 
 def _join(
@@ -286,8 +283,8 @@ def _origin(of: Element, xyz: Array, turn: Array | None = None) -> None:
 # A body without shape has none.
 
 
-CUBE, SPHERE, CYLINDER = 1, 2, 3
-"""Types of visualization_msgs/Marker."""
+MARKERS = {"box": 1, "ball": 2, "ellipsoid": 2, "cylinder": 3}
+"""Types of visualization_msgs/Marker: cube, sphere, cylinder."""
 COLOUR = (0.35, 0.55, 0.85, 1.0)
 """Colour of bodies: red, green, blue, opacity."""
 
@@ -297,30 +294,15 @@ def marker_array(scene: Scene, prefix: str = "") -> bytes:
     shapes = [(n, body.shape) for n, body in scene.bodies.items() if body.shape is not None]
     layout = cdr.Layout().count(len(shapes))
     for number, (name, shape) in enumerate(shapes):
-        kind, size, turn = _marker(shape)
+        solid = drawn_solid(shape)
         layout.fixed("I", 0, 0).text(prefix + body_frame(name)).text(name)  # stamp, frame, ns
-        layout.fixed("i", number, kind, 0)  # id, type, action: add
-        layout.fixed("d", *shape.center_B, *turn, *size)
+        layout.fixed("i", number, MARKERS[solid.kind], 0)  # id, type, action: add
+        layout.fixed("d", *shape.center_B, *solid.turn, *(2.0 * solid.half))
         layout.fixed("f", *COLOUR).fixed("I", 0, 0).fixed("B", 1)  # lifetime: endless; locked
         layout.count(0).count(0).text("")  # points, colours, texture
         layout.fixed("I", 0, 0).text("").text("").count(0).count(0)  # image, coordinates in it
         layout.text("").text("").text("").count(0).fixed("B", 0)  # text, mesh and its file
     return layout.codec().pack(0, ())
-
-
-def _marker(shape: Any) -> tuple[int, list[float], Array]:
-    """Marker type, size along its own axes [m], and rotation of these axes to body axes."""
-    turn = np.array([0.0, 0.0, 0.0, 1.0])
-    match shape.type:
-        case "sphere":
-            return SPHERE, [2.0 * shape.radius] * 3, turn
-        case "ellipsoid":
-            return SPHERE, [2.0 * value for value in shape.semi_axes], turn
-        case "box":
-            return CUBE, list(shape.size), turn
-        case _:
-            length, radius = drawn_cylinder(shape)
-            return CYLINDER, [2.0 * radius, 2.0 * radius, length], from_z(shape.axis_B)
 
 
 def _text(value: float) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rb_sim.base.rounding import NEGLIGIBLE, WRITTEN_ROUNDING
+from rb_sim.base.rounding import NEGLIGIBLE, WRITTEN_ROUNDING, related
 from rb_sim.io.extent import reach_of
 from rb_sim.io.sink import Thinned
 from rb_sim.numerics.rotations import conjugate, rotate
@@ -84,7 +84,7 @@ def framed(low: Array, high: Array) -> tuple[Array, float]:
     A view is wider than high, so that height counts more.
     """
     size = max(float(np.linalg.norm(high - low)), 1.4 * float(high[2] - low[2]))
-    return 0.5 * (low + high), size or 1.0
+    return 0.5 * (low + high), size if 0.0 < size < np.inf else 1.0
 
 
 KEPT = 4096
@@ -108,12 +108,16 @@ class Lengths:
 
 
 class Extent:
-    """Bounding box of the bodies' centres and the anchors of reactions over a run."""
+    """Bounding box of the bodies' centres and the anchors of reactions over a run.
+
+    lowest: least height of a body's centre [m].
+    """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         """The margin is the reach of the largest body."""
         self._margin = max((reach_of(scene.bodies[n]) for n in layout.bodies), default=0.0)
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+        self.lowest = np.inf
 
     @QUIET
     def add(self, block: SampleBlock) -> None:
@@ -122,6 +126,8 @@ class Extent:
         points = points[np.isfinite(points).all(axis=1)]
         self._low = np.minimum(self._low, points.min(axis=0, initial=np.inf))
         self._high = np.maximum(self._high, points.max(axis=0, initial=-np.inf))
+        heights = block.position[..., 2]
+        self.lowest = min(self.lowest, heights[np.isfinite(heights)].min(initial=np.inf))
 
     def center_and_size(self) -> tuple[Array, float]:
         """Centre and size [m] of the view, including the reach of the largest body."""
@@ -142,14 +148,8 @@ class Resolved:
         self._held: dict[str, Array] = {}
 
     def least(self, kind: str) -> float:
-        """Rounding level of a kind of quantity. Related kinds share a magnitude."""
-        largest = self._largest.get(kind, 0.0)
-        other, per = {
-            "torque": ("force", self._length),
-            "speed": ("spin", self._length),
-            "spin": ("speed", 1.0 / self._length),
-        }.get(kind, (kind, 1.0))
-        return WRITTEN_ROUNDING * max(largest, self._largest.get(other, 0.0) * per)
+        """Rounding level of a kind of quantity."""
+        return WRITTEN_ROUNDING * related(self._largest, self._length).get(kind, 0.0)
 
     @QUIET
     def __call__(self, kind: str, name: str, values: Array) -> Array:

@@ -18,10 +18,11 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import BLACK, COMMAND, CYCLE, REACTION, VELOCITY, rgb
-from rb_sim.io.contact_power import contacts_of
-from rb_sim.io.extent import drawn_cylinder, inertia_box, reach_of
+from rb_sim.io.drawn_supports import Sight, Supports, solid_of
+from rb_sim.io.extent import reach_of
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
-from rb_sim.numerics.rotations import from_z, rotate
+from rb_sim.io.sink import samples_at
+from rb_sim.numerics.rotations import from_z, norms, rotate
 
 if TYPE_CHECKING:
     from rb_sim.io.panels import Panel
@@ -30,50 +31,54 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Rerun archetypes of bodies, in body axes from the body origin.
-
-
-def shape_archetype(shape: Any, color: tuple[int, int, int, int]) -> Any:
-    """The solid in a colour; spheres and ellipsoids with lines that make rotation visible."""
-    common: dict[str, Any] = {"centers": [shape.center_B], "colors": [color], "fill_mode": "solid"}
-    match shape.type:
-        case "sphere":
-            half = [[shape.radius] * 3]
-            return rr.Ellipsoids3D(half_sizes=half, **common)
-        case "ellipsoid":
-            return rr.Ellipsoids3D(half_sizes=[shape.semi_axes], **common)
-        case "box":
-            return rr.Boxes3D(half_sizes=[0.5 * np.array(shape.size)], **common)
-        case _:
-            length, radius = drawn_cylinder(shape)
-            turn = [from_z(np.array(shape.axis_B))]
-            return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=turn, **common)
-
-
-def stand_in(body: Any, color: tuple[int, int, int, int]) -> Any:
-    """Edges of the box with the mass and inertia of a body without shape."""
-    half, axes = inertia_box(body)
-    return rr.Boxes3D(
-        centers=[body.center_of_mass],
-        half_sizes=[half],
-        quaternions=[Rotation.from_matrix(axes).as_quat()],
-        colors=[color],
-        fill_mode="majorwireframe",
-    )
+# Rerun archetypes of solids and of supports, in the axes of their entity.
 
 
 SUPPORT = (125, 130, 142)
 JOINT = (225, 225, 230)
-"""Colour of pivots, bearings and rails, which are drawn in front of bodies and grids."""
-PIVOT, BEARING, AXLE = 0.07, (0.07, 0.3), 1.0
-"""In arrow lengths: radius of a pivot; radius and length of a bearing; half length of its axis."""
-THIN_LINE, WIDE_LINE = 0.8, 2.5
-"""Line radii of a grid, and of an axis or a rail [pixels]."""
+"""Colour of pivots, axes and links, which are drawn in front of bodies and grids."""
+THIN_LINE, WIDE_LINE = 0.8, 1.5
+"""Line radii of a grid, an axis or a string, and of a rail or a rod [pixels]."""
+DOT = 4.0
+"""Radius of a joint [pixels]."""
+ROUND = 24
+"""Corners of a cone."""
 
 
-def spacing(size: float) -> float:
-    """Grid spacing: the power of ten that divides the scene into about ten cells."""
-    return float(10.0 ** np.round(np.log10(size / 10.0)))
+def solid_archetype(solid: dict[str, Any], shift: Array, color: tuple[int, ...]) -> Any:
+    """A solid of `drawn_supports`, moved by `shift` (3,) [m]; a ghost as its edges."""
+    center = np.array(solid["center"]) + shift
+    mode = "majorwireframe" if solid.get("ghost") else "solid"
+    common: dict[str, Any] = {"centers": [center], "colors": [color], "fill_mode": mode}
+    match solid["kind"]:
+        case "ball":
+            return rr.Ellipsoids3D(half_sizes=[[solid["radius"]] * 3], **common)
+        case "ellipsoid":
+            return rr.Ellipsoids3D(half_sizes=[solid["half"]], **common)
+        case "box":
+            axes = np.array(solid.get("axes", np.eye(3))).T
+            turn = [Rotation.from_matrix(axes).as_quat()]
+            return rr.Boxes3D(half_sizes=[solid["half"]], quaternions=turn, **common)
+    turn, radius, length = from_z(np.array(solid["axis"])), solid["radius"], solid["length"]
+    if solid["kind"] == "cylinder":
+        return rr.Cylinders3D(lengths=[length], radii=[radius], quaternions=[turn], **common)
+    return _cone(center, turn, radius, length, color)
+
+
+def _cone(center: Array, turn: Array, radius: float, length: float, color: Any) -> Any:
+    """A cone with its tip along the axis; each face has its own corners and normal."""
+    angles = np.linspace(0.0, 2.0 * np.pi, ROUND + 1)
+    rim = np.c_[radius * np.cos(angles), radius * np.sin(angles), 0.0 * angles - 0.5 * length]
+    tip = np.tile([0.0, 0.0, 0.5 * length], (ROUND, 1))
+    corners = np.stack([rim[:-1], rim[1:], tip], axis=1).reshape(-1, 3)
+    normals = corners * [length, length, 0.0] + [0.0, 0.0, radius**2]
+    normals[2::3] = 0.5 * (normals[::3] + normals[1::3])
+    return rr.Mesh3D(
+        vertex_positions=center + _turned(turn, corners),
+        triangle_indices=np.arange(3 * ROUND).reshape(-1, 3),
+        vertex_normals=_turned(turn, normals / norms(normals)[:, None]),
+        albedo_factor=color,
+    )
 
 
 def lines(strips: Any, color: tuple[int, int, int], width: float) -> Any:
@@ -82,101 +87,44 @@ def lines(strips: Any, color: tuple[int, int, int], width: float) -> Any:
     return rr.LineStrips3D(strips, colors=[color], radii=[radius])
 
 
-def grid(point: Any, normal: Any, near: Any, size: float) -> Any:
-    """A plane as grid lines, transparent: about `size` [m] around the point nearest to `near`."""
-    along = [_turned(from_z(normal), axis) for axis in np.eye(3)[:2]]
-    field = spacing(size)
-    half = field * np.ceil(0.5 * size / field)
-    foot = point + sum(
-        field * np.round(np.dot(near - point, axis) / field) * axis for axis in along
-    )
-    ticks = np.arange(-half, half + 0.5 * field, field)
+def grid(plane: dict[str, Any], shift: Array) -> Any:
+    """A plane as a round field of grid lines, which hides nothing."""
+    point, one = np.array(plane["point"]) + shift, np.array(plane["along"])
+    other = np.cross(plane["normal"], one)
+    size, step = plane["size"], plane["step"]
+    ticks = step * np.arange(-np.round(size / step), np.round(size / step) + 1.0)
+    halves = np.sqrt(np.maximum(0.0, size**2 - ticks**2))
     strips = [
-        [foot + tick * one - half * other, foot + tick * one + half * other]
-        for one, other in (along, along[::-1])
-        for tick in ticks
+        [point + tick * first - half * second, point + tick * first + half * second]
+        for first, second in ((one, other), (other, one))
+        for tick, half in zip(ticks, halves, strict=True)
     ]
-    return lines(strips, SUPPORT, THIN_LINE)
+    return lines(strips, GRID if plane["thing"] else FAINT, THIN_LINE)
 
 
-def pivot(point_B: Any, length: float) -> Any:
-    """The fixed point of a body."""
-    return rr.Ellipsoids3D(
-        centers=[point_B], half_sizes=[[PIVOT * length] * 3], colors=[JOINT], fill_mode="solid"
-    )
+GRID, FAINT = (100, 105, 116), (58, 62, 70)
+"""Colours of a plane, and of a ground that the scene does not have."""
 
 
-def bearing(point_B: Any, axis_B: Any, length: float) -> tuple[Any, Any]:
-    """The bearing of a body, and its axis."""
-    point, axis = np.array(point_B, float), np.array(axis_B, float)
-    radius, long = BEARING
-    solid = rr.Cylinders3D(
-        centers=[point], lengths=[long * length], radii=[radius * length],
-        quaternions=[from_z(axis)], colors=[JOINT], fill_mode="solid",
-    )  # fmt: skip
-    reach = AXLE * length * axis
-    return solid, lines([[point - reach, point + reach]], JOINT, THIN_LINE)
-
-
-def rail(guide: Any, start: Any, near: Any, size: float, origin: Any) -> Any:
-    """Guide curve of a point.
-
-    start: position of that point in the first sample, relative to the local origin; near, size,
-    origin: as in `support_archetype`."""
-    match guide.type:
-        case "line":
-            direction = np.array(guide.direction)
-            point = start if guide.point is None else np.array(guide.point) - origin
-            foot = point + np.dot(near - point, direction) * direction
-            points = [foot - 0.5 * size * direction, foot + 0.5 * size * direction]
-        case "circle":
-            turn = from_z(np.array(guide.normal))
-            angles = np.linspace(0.0, 2.0 * np.pi, ROUND)
-            flat = guide.radius * np.c_[np.cos(angles), np.sin(angles), 0.0 * angles]
-            points = np.array(guide.center) - origin + [_turned(turn, each) for each in flat]
-        case _:
-            points = guide.points_along(ROUND) - origin
-    return lines([points], JOINT, WIDE_LINE)
-
-
-ROUND = 181
-"""Points of a curved rail."""
+def support_archetype(kind: str, item: dict[str, Any], shift: Array) -> Any:
+    """A drawing of `Supports`, moved by `shift` (3,) [m]; of a link its style only."""
+    match kind:
+        case "solids":
+            return solid_archetype(item, shift, SUPPORT)
+        case "planes":
+            return grid(item, shift)
+        case "lines":
+            style = (JOINT, THIN_LINE) if item.get("dash") else (SUPPORT, WIDE_LINE)
+            return lines([np.array(item["points"]) + shift], *style)
+        case "joints":
+            dot: Any = rr.Radius.ui_points(DOT)
+            return rr.Points3D([np.array(item["point"]) + shift], radii=dot, colors=[JOINT])
+    width: Any = rr.Radius.ui_points(WIDE_LINE if item["kind"] == "rod" else THIN_LINE)
+    return rr.LineStrips3D.from_fields(colors=[JOINT], radii=[width])
 
 
 def _turned(quaternion: Any, vector: Any) -> Any:
     return rotate(np.asarray(quaternion, float), np.asarray(vector, float))
-
-
-def support_archetype(surface: Any, near: Any, size: float, origin: Any) -> Any | None:
-    """The surface of a contact; None if it is a body's own shape, which is drawn anyway.
-
-    Infinite surfaces are drawn up to `size` [m] around the point nearest to `near`, which is
-    relative to the local origin [m] of the view.
-    """
-    match surface.type:
-        case "plane":
-            point, normal = np.array(surface.point) - origin, np.array(surface.normal)
-            return grid(point, normal, near, size)
-        case "sphere":
-            solid = surface.side == "outside"
-            return rr.Ellipsoids3D(
-                centers=[np.array(surface.center) - origin],
-                half_sizes=[[surface.radius] * 3],
-                colors=[SUPPORT],
-                fill_mode="solid" if solid else "majorwireframe",
-            )
-        case "cylinder":
-            point, axis = np.array(surface.point) - origin, np.array(surface.axis)
-            return rr.Cylinders3D(
-                centers=[point + np.dot(near - point, axis) * axis],
-                lengths=[size],
-                radii=[surface.radius],
-                quaternions=[from_z(axis)],
-                colors=[SUPPORT],
-                fill_mode="solid" if surface.side == "outside" else "majorwireframe",
-            )
-        case _:
-            return None
 
 
 AXIS = 1.4
@@ -195,7 +143,11 @@ MARKER = 5.0
 
 
 class Static:
-    """Logs the constant parts once, at the start. scales: of arrows and camera."""
+    """Logs the constant parts at the start, and the supports once more when the view is known.
+
+    scales: of arrows and camera. first: samples relative to the local origin; the first one gives
+    the positions of joints.
+    """
 
     def __init__(
         self,
@@ -205,12 +157,13 @@ class Static:
         scales: Scales,
         first: SampleBlock,
     ) -> None:
-        """first: samples; the first one gives the start of rails."""
         self._recording, self._scene, self._layout = recording, scene, layout
-        self._scales = scales
-        self._orientation = dict(zip(layout.bodies, first.orientation[0], strict=True))
-        self._position = dict(zip(layout.bodies, first.position[0], strict=True))
+        self._scales, self._first = scales, samples_at(first, [0])
         self._drawn = drawn_reactions(layout)
+        self._supports: dict[str, Any] = {}
+        """archetype of each entity of a support."""
+        self.links: dict[str, dict[str, Any]] = {}
+        """entities of rods, springs and strings, whose ends move."""
 
     def _log(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity_path(entity), archetype, static=True)
@@ -221,10 +174,9 @@ class Static:
         for i, name in enumerate(self._layout.bodies):
             body = self._scene.bodies[name]
             color = (*BODIES[i % len(BODIES)], 255)
-            if body.shape is not None:
-                self._log(f"world/{name}/shape", shape_archetype(body.shape, color))
-            else:
-                self._log(f"world/{name}/inertia", stand_in(body, color))
+            part = "inertia" if body.shape is None else "shape"
+            drawn = solid_archetype(solid_of(body), np.array(body.center_of_mass), color)
+            self._log(f"world/{name}/{part}", drawn)
             marker = rr.Points3D(
                 [body.center_of_mass],
                 radii=rr.Radius.ui_points(MARKER),
@@ -245,7 +197,6 @@ class Static:
         for k, name in enumerate(self._layout.reactions):
             if k in self._drawn:
                 self._log_arrow(f"world/reaction/{name}", REACTION)
-        self.log_supports(self._scales.center, self._scales.size)
         for c, name in enumerate(self._layout.contacts):
             style = rr.SeriesLines(
                 names=[name],
@@ -258,53 +209,25 @@ class Static:
             more = {"interpolation_mode": "StepBefore"} if panel.held else {}
             self._log(f"plots/{panel.entity}", _lines(panel, **more))
 
-    def log_supports(self, center: Array, size: float) -> None:
-        """Log the supports: surfaces of contacts and planes, in the world or on a parent, and the
-        pivots and bearings on each body.
+    def log_supports(self, view: Sight) -> None:
+        """Log the supports, each under the world or the body that carries it.
 
-        center, size [m]: range of the 3D view, relative to the local origin. A plane on a body with
-        a shape is not drawn, since it is part of the shape.
-        """
-        length = self._scales.length
-        specs: dict[str, Any] = dict(self._scene.constraints)
-        for name, spec in specs.items():
-            entity = f"world/{spec.body}/support/{name}"
-            match spec.type:
-                case "fixed_point":
-                    self._log(entity, pivot(spec.point_B, length))
-                case "fixed_axis":
-                    solid, axis = bearing(spec.point_B, spec.axis_B, length)
-                    self._log(entity, solid)
-                    self._log(f"{entity}/axis", axis)
-                case "translation" if spec.guide is not None:
-                    start = self._start_of(spec.body, spec.point_B)
-                    drawn = rail(spec.guide, start, center, size, self._scales.origin)
-                    self._log(f"world/support/{name}", drawn)
-                case "rolling" | "plane" if spec.parent is None:
-                    self._log(f"world/support/{name}", self._plane(spec, center, size))
-        for name, spec in contacts_of(self._scene).items():
-            on = None if spec.parent is None else self._scene.bodies[spec.parent].shape
-            if spec.surface.type == "plane" and on is not None:
-                continue
-            frame = "world" if spec.parent is None else f"world/{spec.parent}"
-            near, origin = np.zeros(3), np.zeros(3)
-            if spec.parent is None:
-                near, origin = center, self._scales.origin
-            surface = support_archetype(spec.surface, near, size, origin)
-            if surface is not None:
-                self._log(f"{frame}/support/{name}", surface)
-
-    def _start_of(self, body: str, point_B: Any) -> Array:
-        """Position of a body's point at the first sample, relative to the local origin [m]."""
-        arm = np.array(point_B) - self._scene.bodies[body].center_of_mass
-        return self._position[body] + _turned(self._orientation[body], arm) - self._scales.origin
-
-    def _plane(self, spec: Any, center: Array, size: float) -> Any:
-        if spec.point_A is None:
-            point = self._start_of(spec.body, spec.point_B)
-        else:
-            point = np.array(spec.point_A) - self._scales.origin
-        return grid(point, np.array(spec.normal_A), center, size)
+        A ball that is larger than the view becomes lines: what is no longer drawn is cleared."""
+        before, self._supports, self.links = self._supports, {}, {}
+        items = Supports(self._scene, self._layout, self._first, view, self._scales.origin).items
+        for name, kind, item in items:
+            body = self._layout.bodies[item["on"]] if item.get("on", -1) >= 0 else None
+            center = np.zeros(3) if body is None else self._scene.bodies[body].center_of_mass
+            frame = "world" if body is None else f"world/{body}"
+            entity = f"{frame}/support/{name}/{kind}"
+            entity = f"{entity}/{sum(each.startswith(entity) for each in self._supports)}"
+            if kind == "links":
+                self.links[entity] = item
+            self._supports[entity] = support_archetype(kind, item, np.array(center))
+            self._log(entity, self._supports[entity])
+        self._recording.flush()  # a recording keeps no order within a batch
+        for entity in before.keys() - self._supports.keys():
+            self._log(entity, type(before[entity]).from_fields(clear_unset=True))
 
     def _log_arrow(self, entity: str, color: str) -> None:
         radius: Any = rr.Radius.ui_points(ARROW)
@@ -314,15 +237,6 @@ class Static:
 def entity_path(entity: str) -> str:
     """The path with special characters such as spaces escaped for Rerun."""
     return "/".join(map(rr.escape_entity_path_part, entity.split("/")))
-
-
-def has_plane(scene: Scene) -> bool:
-    """Whether a plane of the world is drawn, which replaces the view's own grid."""
-    specs: list[Any] = list(scene.constraints.values())
-    if any(spec.type in ("rolling", "plane") and spec.parent is None for spec in specs):
-        return True
-    surfaces = (spec for spec in contacts_of(scene).values() if spec.parent is None)
-    return any(spec.surface.type == "plane" for spec in surfaces)
 
 
 def _lines(panel: Panel, **more: Any) -> Any:

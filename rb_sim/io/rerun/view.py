@@ -18,8 +18,10 @@
 | world/reaction/NAME     | start of the force arrow, on the line of action of the reaction   |
 | world/command/BODY      | start of the commanded force arrow, at the body's origin          |
 | .../arrow               | the vector itself [m/s or N], and its scale                       |
-| world/support/NAME      | surface of a contact, a plane or a rail in the world              |
-| world/BODY/support/NAME | surface of a contact on BODY; its pivot or bearing                |
+| world/support/NAME/...  | what the constraint or effect NAME has in the world: planes,      |
+|                         | lines, solids, joints, and links (rods, springs and strings);     |
+|                         | the ground                                                        |
+| world/BODY/support/NAME/... | what it has on BODY                                           |
 | world/contact/NAME      | contact point while closed: orange slips, blue sticks or rolls    |
 | plots/contacts/NAME     | its state: 0 open, 1 slip, 2 stick or roll                        |
 | events                  | contact events as text                                            |
@@ -39,7 +41,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from rb_sim.base.palette import SLIPPING, STICKING, rgb
-from rb_sim.io.contact_power import contacts_of
+from rb_sim.io.drawn_supports import Sight
 from rb_sim.io.extent import half_box
 from rb_sim.io.panels import Panel, panels_of
 from rb_sim.io.rerun.arrow_scales import (
@@ -50,7 +52,7 @@ from rb_sim.io.rerun.arrow_scales import (
     drawn_reactions,
     scales_of,
 )
-from rb_sim.io.rerun.static import Static, entity_path, has_plane, spacing
+from rb_sim.io.rerun.static import Static, entity_path
 from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline, event_text
 from rb_sim.mechanics.samples import centers_of_mass, origins
@@ -171,8 +173,6 @@ class Shown(NamedTuple):
 
     layout: SampleLayout
     panels: list[Panel]
-    plane: bool
-    """whether a plane of the world is drawn."""
     center: Array
     """centre of the 3D view, relative to the local origin [m]."""
     size: float
@@ -230,9 +230,7 @@ def blueprint(shown: Shown) -> Any:
 
 def _spatial_view(shown: Shown, titled: bool = True) -> Any:
     layout, center, size = shown.layout, shown.center, shown.size
-    grid: Any = rrb.LineGrid3D(
-        visible=not shown.plane, spacing=spacing(size), color=[255, 255, 255, 40]
-    )
+    grid: Any = rrb.LineGrid3D(visible=False)  # the ground is one of the supports
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
         position=center + size * _EYE,
@@ -333,12 +331,15 @@ class View:
         self._panels = [panel for panel in panels if panel.entity not in NOT_SHOWN]
         self._most: dict[str, tuple[str, float]] = {}
         """kind and largest value so far of each plot."""
-        self._static = Static(recording, scene, layout, self._scales, first)
+        here = self._from_local_origin(first)
+        self._extent.add(here)
+        self._static = Static(recording, scene, layout, self._scales, here)
         self._static.log(self._panels)
         self._log_scales()
         self._log("about", markdown(self._about()))
         center, size = self._scales.center, self._scales.size
-        self._shown = Shown(layout, self._panels, has_plane(scene), center, size)
+        self._static.log_supports(Sight(center, size, self._extent.lowest))
+        self._shown = Shown(layout, self._panels, center, size)
         recording.send_blueprint(self._blueprint(self._shown))
 
     def send(self, block: SampleBlock) -> None:
@@ -356,7 +357,7 @@ class View:
         self._send_forces(here)
         self._send_plots(block)
         self._send_contacts(here)
-        self._send_strings(here)
+        self._send_links(here)
 
     def finish(self, summary: dict[str, Any] | None) -> None:
         """Set camera and arrow scales for the whole motion, and add the summary to the legend."""
@@ -367,7 +368,7 @@ class View:
         )
         shown = self._shown._replace(center=center, size=size, zero=zero)
         self._recording.send_blueprint(self._blueprint(shown))
-        self._static.log_supports(center, size)
+        self._static.log_supports(Sight(center, size, self._extent.lowest))
         length = max(self._scales.length, size / 8.0)
         self._scales = self._scales._replace(
             per_newton=self._forces_seen.per_metre(length),
@@ -456,24 +457,19 @@ class View:
             texts = [event_text(event) for event in block.events]
             self._recording.send_columns("events", [index], columns=rr.TextLog.columns(text=texts))
 
-    def _send_strings(self, block: SampleBlock) -> None:
-        """Send each string as a line between its ends."""
-        for name, spec in contacts_of(self._scene).items():
-            if spec.surface.type == "string":
-                ends = [
-                    self._carried(block, spec.body, spec.surface.point_B),
-                    self._carried(block, spec.parent, spec.surface.point_A),
-                ]
-                columns = rr.LineStrips3D.columns(strips=list(np.stack(ends, axis=1)))
-                self._columns(f"world/string/{name}", columns)
+    def _send_links(self, block: SampleBlock) -> None:
+        """Send each rod, spring and string as a line between its ends."""
+        for entity, link in self._static.links.items():
+            ends = [self._carried(block, link[end]) for end in ("from", "to")]
+            columns = rr.LineStrips3D.columns(strips=list(np.stack(ends, axis=1)))
+            self._columns(entity, columns)
 
-    def _carried(self, block: SampleBlock, body: str | None, point: Any) -> Array:
-        """Positions (n, 3) [m] of a point given relative to a body's origin, or in the world."""
-        if body is None:
-            return np.tile(np.array(point, float) - self._scales.origin, (len(block), 1))
-        i = self._layout.bodies.index(body)
-        arm = np.array(point) - self._center_of_mass[i]
-        return block.position[:, i] + rotate(block.orientation[:, i], arm)
+    def _carried(self, block: SampleBlock, end: dict[str, Any]) -> Array:
+        """Positions (n, 3) [m] of an end of a link."""
+        i, point = end["on"], np.array(end["point"])
+        if i < 0:
+            return np.tile(point, (len(block), 1))
+        return block.position[:, i] + rotate(block.orientation[:, i], point)
 
     def _send_trail(self, i: int, position: Array) -> None:
         """Send the finished pieces of a path, each at the time of its end."""
