@@ -31,7 +31,7 @@ def c_law(scene: str) -> str:
     Raises RbSimError for several bodies and for laws that call routines, like contacts.
     """
     laws = compile_scene(load_scene(scene)).laws
-    text = c_function("rate", laws.traced(rate)) if isinstance(laws, ReducedLaws) else None
+    text = c_function(laws.traced(rate)) if isinstance(laws, ReducedLaws) else None
     if text is None:
         raise RbSimError(f"{scene}: must be of one body with at most one joint, without contacts")
     return text

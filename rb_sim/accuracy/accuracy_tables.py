@@ -68,13 +68,13 @@ class Decade(NamedTuple):
     """cost over the best, by ladder that reaches the error."""
 
 
-def decades(accuracy: Accuracy, first: int = -1, last: int = -15) -> list[Decade]:
-    """For each decade of global error down to the floor: the cheapest setting, others' factors.
+def decades(accuracy: Accuracy, last: int = -15) -> list[Decade]:
+    """For each decade of global error from 0.1 to the floor: the cheapest setting, others' factors.
 
     The last line has no setting: that error is below the floor, or nothing reached it.
     """
     table = []
-    for exponent in range(first, last - 1, -1):
+    for exponent in range(-1, last - 1, -1):
         error = 10.0**exponent
         if error < accuracy.reference.floor:
             table.append(Decade(error, None, {}))

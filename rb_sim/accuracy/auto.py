@@ -60,8 +60,8 @@ STRETCH, GROWTH = 0.25, 1.0 / 8.0
 which fall with their tolerance: it is 1.3, 2.3 and 4 of them at 1e-5, 1e-9 and 1e-12 on chains."""
 
 
-def worth_a_run(setting: Setting, compiled: Compiled, factor: float) -> bool:
-    """Whether the method may come within the factor of what dopri853 costs with its tolerance.
+def worth_a_run(setting: Setting, compiled: Compiled) -> bool:
+    """Whether the method may come within WORTH times what dopri853 costs with its tolerance.
 
     Asked only of methods with which `auto` does not begin (`weighed` of the registry).
     """
@@ -71,7 +71,7 @@ def worth_a_run(setting: Setting, compiled: Compiled, factor: float) -> bool:
     longer = max(1.0, STRETCH * tolerance**-GROWTH)
     dearer = evaluations(setting.name, tolerance, compiled)
     dearer /= evaluations("dopri853", tolerance, compiled)
-    return dearer <= factor * longer and (entry.family != "taylor" or expands(compiled))
+    return dearer <= WORTH * longer and (entry.family != "taylor" or expands(compiled))
 
 
 def expands(compiled: Compiled) -> bool:
@@ -259,7 +259,7 @@ def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
             continue
         if entry.adaptive is not None:
             setting = Setting(name, tolerance=max(min(0.1 * aim, 1e-3), TIGHTEST))
-            if worth_a_run(setting, runner.compiled, WORTH):
+            if worth_a_run(setting, runner.compiled):
                 settings.append(setting)
         if entry.fixed is not None and not (commanded and settings):
             step = true.mean_step * min(1.0, entry.order / 8.0)

@@ -93,31 +93,35 @@ def _solving(name: str, compiled: Compiled) -> float:
     return SOLVE * len(compiled.y) ** 3 / seconds_of_evaluation(compiled)
 
 
-def seconds_of_evaluation(compiled: Compiled) -> float:
-    """CPU time of one right side of the scene, about [s]."""
+def seconds_of_evaluation(compiled: Compiled, closed: bool = True) -> float:
+    """CPU time of one right side of the scene, about [s].
+
+    closed: all contacts are; if not, most of them are open most of the time and share no loads.
+    """
     if not isinstance(compiled.y, np.ndarray):
         return REDUCED
     bodies, rows = len(compiled.layout.bodies), compiled.rows
+    if not closed:
+        return BODY * bodies + OPEN_ROW * rows
     free = BODY * bodies + ROW * rows + 0.1 * ROW * rows * rows
     return free + SHARED * overdetermined(compiled)
 
 
-def counted_time(motion: Motion, setting: Setting) -> float:
-    """What the steps and events of a motion so far take with open contacts, to a factor of three
-    [s]: the same on every machine.
+def counted_time(motion: Motion, setting: Setting, one: float | None = None) -> float:
+    """What the steps and events of a motion so far take, to a factor of three [s]: the same on
+    every machine.
 
-    Apart from `seconds_of_evaluation`, which prices contacts as closed and shares their loads: of a
-    run to be judged by its cost most contacts are open most of the time.
+    one: CPU time of an evaluation [s]; default: with contacts that are open most of the time, as
+    they are in most runs.
     """
     compiled = motion.compiled
+    if one is None:
+        one = seconds_of_evaluation(compiled, closed=False)
     attempts = motion.steps + motion.rejected_steps
     worth = EVENT * (motion.forgotten + len(motion.events))
     worth += SWEEP * getattr(motion, "swept_contacts", 0.0)
     if not getattr(motion, "plain", True):
         return worth + PYTHON_STEP * attempts
-    one = REDUCED
-    if isinstance(compiled.y, np.ndarray):
-        one = BODY * len(compiled.layout.bodies) + OPEN_ROW * compiled.rows
     return worth + attempts * one * evaluations(setting.name, setting.tolerance, compiled)
 
 

@@ -25,8 +25,8 @@ import numpy as np
 
 from rb_sim.accuracy.choice import (
     ADAPTIVE,
-    EVENT,
     Setting,
+    counted_time,
     evaluations,
     overdetermined,
     seconds_of_evaluation,
@@ -481,9 +481,7 @@ class Runner:
 
     def _counted(self, setting: Setting, motion: Motion) -> float:
         """What the steps, and events, of the motion so far are worth [s]."""
-        attempts = motion.steps + motion.rejected_steps
-        worth = attempts * self._unit * self._evaluations(setting)
-        return worth + EVENT * len(motion.events)
+        return counted_time(motion, setting, self._unit)
 
     def _evaluations(self, setting: Setting) -> float:
         """Right sides that a step is worth."""

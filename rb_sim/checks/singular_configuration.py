@@ -382,10 +382,8 @@ class Conditioning:
     def _make(self, scene: Scene, compiled: Compiled | None) -> None:
         """Make the laws of the shares of the pivots, where they can be made and are not long."""
         if compiled is None or compiled.reduced:
-            options = scene.simulation.model_copy(update={"project_initial": True})
             try:
-                projected = scene.model_copy(update={"simulation": options})
-                compiled = compile_motion(projected, "maximal")
+                compiled = compile_motion(scene.with_options(project_initial=True), "maximal")
             except RbSimError:
                 return
         system, laws = compiled.system, compiled.laws

@@ -49,10 +49,8 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
     determined."""
     if layout.contacts or not scene.constraints:
         return ""
-    options = scene.simulation.model_copy(update={"project_initial": True})
     try:
-        projected = scene.model_copy(update={"simulation": options})
-        system = compile_motion(projected, "maximal").system
+        system = compile_motion(scene.with_options(project_initial=True), "maximal").system
     except RbSimError:
         return ""
     y = coordinates(block, slice(i, i + 1))[0]

@@ -383,13 +383,7 @@ def node(context: typer.Context, scene: opt.Scene) -> int:
 
 @verb()
 def statics(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE",
-            help="Scene: a YAML file, or a name from `rb_sim scenes [--statics]`.",
-        ),
-    ],
+    scene: opt.AnyScene,
     out: opt.Out = None,
     change: opt.Change = None,
 ) -> int:
@@ -437,13 +431,7 @@ def linearize(
 
 @verb()
 def accuracy(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENE",
-            help="Scene: a YAML file, or a name from `rb_sim scenes [--statics]`.",
-        ),
-    ],
+    scene: opt.AnyScene,
     out: opt.Out = None,
     target: Annotated[
         float | None,

@@ -29,6 +29,12 @@ def _key_value(changes: list[str] | None) -> list[str]:
 Scene = Annotated[
     str, typer.Argument(metavar="SCENE", help="Scene: a YAML file, or a name from `rb_sim scenes`.")
 ]
+AnyScene = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENE", help="Scene: a YAML file, or a name from `rb_sim scenes [--statics]`."
+    ),
+]
 Bag = Annotated[
     Path, typer.Argument(metavar="BAG", help="Bag recorded by rb_sim: a folder or an .mcap file.")
 ]

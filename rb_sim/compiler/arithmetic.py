@@ -142,7 +142,9 @@ def binary(f: Builder, operator: ast.operator, a: Value, b: Value) -> Value:
     if a.kind not in RANKS or b.kind not in RANKS:
         raise KindError(f"{kind.__name__} of {kind_text(a.kind)} and {kind_text(b.kind)}")
     if a.number is not None and b.number is not None:
-        return constant(_folded(operator, a.number, b.number))
+        return constant(
+            _folded(ast.BinOp(ast.Constant(a.number), operator, ast.Constant(b.number)))
+        )
     if kind is ast.Pow:
         return power(f, a, b)
     if a.kind == BOOLEAN == b.kind and kind in (ast.BitAnd, ast.BitOr, ast.BitXor):
@@ -158,16 +160,10 @@ def binary(f: Builder, operator: ast.operator, a: Value, b: Value) -> Value:
     return Value(INTEGER, (f.get(f"{_INTEGER[kind]} i64 {x}, {y}"),))
 
 
-def _folded(operator: ast.operator, a: Any, b: Any) -> Any:
-    """The value of an operator on constants, by Python."""
-    code = compile(
-        ast.fix_missing_locations(
-            ast.Expression(ast.BinOp(ast.Constant(a), operator, ast.Constant(b)))
-        ),
-        "constant",
-        "eval",
-    )
-    return eval(code)
+def _folded(expression: ast.expr) -> Any:
+    """The value of an expression of constants, by Python."""
+    tree = ast.fix_missing_locations(ast.Expression(expression))
+    return eval(compile(tree, "constant", "eval"))
 
 
 def _floored(f: Builder, kind: type, x: str, y: str) -> Value:
@@ -267,8 +263,7 @@ def compared(f: Builder, operator: ast.cmpop, a: Value, b: Value) -> Value:
         return Value(BOOLEAN, (f.get(f"fcmp {reals} double {x}, {y}"),))
     if a.number is not None and b.number is not None:
         tree = ast.Compare(ast.Constant(a.number), [operator], [ast.Constant(b.number)])
-        code = compile(ast.fix_missing_locations(ast.Expression(tree)), "constant", "eval")
-        return constant(bool(eval(code)))
+        return constant(_folded(tree))
     x, y = integer(f, a).leaf, integer(f, b).leaf
     return Value(BOOLEAN, (f.get(f"icmp {wholes} i64 {x}, {y}"),))
 

@@ -102,8 +102,8 @@ def on(system: MultiBody, t: float, y: Any) -> MultiBody:
     )
     here.bodies[:, LOAD : LOAD + 6] = 0.0
     apply_effects(here.effects, t, here, y)
-    fill_all(here.constraints, t, here, y, 0)
-    anchor_all(here.constraints, here, y, 0)
+    fill_all(here.constraints, t, here, y)
+    anchor_all(here.constraints, here, y)
     return here
 
 

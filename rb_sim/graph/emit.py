@@ -335,15 +335,15 @@ _OPERATION = {
 }
 
 
-def c_function(name: str, outputs: Sequence[Any]) -> str | None:
-    """C function void name(double t, const double *y, const double *p, double *out), with headers.
+def c_function(outputs: Sequence[Any]) -> str | None:
+    """C function void rate(double t, const double *y, const double *p, double *out), with headers.
 
     outputs: symbols of one graph and numbers. None if the graph calls functions by address.
     """
     order = in_order(outputs)
     if any(x.op == "call" for x in order):
         return None
-    head = f"void {name}(double t, const double *y, const double *p, double *out)"
+    head = "void rate(double t, const double *y, const double *p, double *out)"
     lines = ["#include <math.h>", "#include <stdbool.h>", "", head, "{"]
     for x in order:
         if x.op not in INPUTS:

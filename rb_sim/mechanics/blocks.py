@@ -547,6 +547,6 @@ def clear(program: Program, width: int, places: list[int]) -> None:
     program.run(("clear", width), lambda t: [[0.0] * width], [], [("frame", places)])
 
 
-def clear_out(program: Program, first: int, count: int) -> None:
-    """Set to zero `count` outputs from `first` on."""
-    program.run(("clear", count), lambda t: [[0.0] * count], [], [("out", [first])])
+def clear_out(program: Program, place: int) -> None:
+    """Set to zero the output at this place."""
+    program.run(("clear", 1), lambda t: [[0.0]], [], [("out", [place])])

@@ -111,7 +111,7 @@ def measured(v: Numbers, w: Numbers, lengths: Numbers) -> Numbers:
 # held.
 
 
-Rate = Callable[[float, Array], Array]
+Rate = Callable[[Array], Array]
 
 SMALL = 0.1
 """Amplitude of a body, or of a pair [m, rad] from which on its errors are in SI units."""
@@ -241,10 +241,14 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
     """Error scales of the bodies with small motions from y on; None if there are none."""
     if not np.isfinite(y).all():
         return None
-    rate = rate_of(laws, inputs)
-    first = rate(0.0, y)
-    if not all(np.array_equal(rate(t, y), first) for t in INSTANTS):
+    rate_at = rate_of(laws, inputs)
+    slope = rate_at(0.0, y)
+    if not all(np.array_equal(rate_at(t, y), slope) for t in INSTANTS):
         return None
+
+    def rate(y: Array) -> Array:
+        return rate_at(0.0, y)
+
     pairs, joints = pairs_of(system), joints_of(system)
     own = groups_of(system, y, {body for pair in joints for body in pair})
     least = resolved(np.append(y, 1.0))
@@ -253,7 +257,7 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
         most = SMALL_TOGETHER if pair in joints else SMALL
         place, turn = whole_body(len(y) + WIDTH * k)
         relative += [Group(*place, most, least), Group(*turn, most, least)]
-    turns = iter(turns_of(rate, y, [*sum(own.values(), []), *relative], pairs))
+    turns = iter(turns_of(rate, y, slope, [*sum(own.values(), []), *relative], pairs))
     held: Held = {}
     for body, groups in own.items():
         moved = [(g, turn) for g in groups if (turn := next(turns)).way > g.least]
@@ -267,8 +271,8 @@ def small_motions(system: Any, laws: Any, y: Array, inputs: Array) -> Small | No
     if not (held or together):
         return None
     scales = Small(len(y))
-    scales.hold(y, held, noise_of(rate, y, held, apart=True))
-    scales.hold(y, together, noise_of(rate, y, together, apart=False))
+    scales.hold(y, held, noise_of(rate, y, slope, held, apart=True))
+    scales.hold(y, together, noise_of(rate, y, slope, together, apart=False))
     for group, _ in sum(together.values(), []):
         scales.drifting[group.places] = scales.drifting[group.speeds] = True
     return scales
@@ -331,10 +335,13 @@ def pairs_of(system: Any) -> list[Pair]:
 # Following the motion.
 
 
-def turns_of(rate: Rate, y: Array, groups: Sequence[Group], pairs: Sequence[Pair]) -> list[Turn]:
+def turns_of(
+    rate: Rate, y: Array, slope: Array, groups: Sequence[Group], pairs: Sequence[Pair]
+) -> list[Turn]:
     """Amplitude of each group, of a motion until all that move have turned back or are not small.
 
-    Groups select coordinates of y, and beyond them those of the pairs as their parents see them.
+    slope: rate at y. Groups select coordinates of y, and beyond them those of the pairs as their
+    parents see them.
     """
     bodies, parents = np.array(pairs, dtype=int).reshape(-1, 2).T
 
@@ -346,7 +353,7 @@ def turns_of(rate: Rate, y: Array, groups: Sequence[Group], pairs: Sequence[Pair
     ways, speeds, turned = np.zeros((3, len(groups)))
     going = np.ones(len(groups), dtype=bool)
     first = view(y)
-    now, time, h = y, 0.0, first_step(y, rate(0.0, y), groups)
+    now, time, h = y, 0.0, first_step(y, slope, groups)
     for _ in range(MOST_STEPS if np.isfinite(h) else 0):
         if h == 0.0:  # no step is small enough
             break
@@ -386,10 +393,10 @@ def first_step(y: Array, slope: Array, groups: Sequence[Group]) -> float:
 
 def step(rate: Rate, y: Array, h: float) -> Array:
     """One step of the classical Runge-Kutta method for an autonomous law."""
-    a = rate(0.0, y)
-    b = rate(0.0, y + 0.5 * h * a)
-    c = rate(0.0, y + 0.5 * h * b)
-    d = rate(0.0, y + h * c)
+    a = rate(y)
+    b = rate(y + 0.5 * h * a)
+    c = rate(y + 0.5 * h * b)
+    d = rate(y + h * c)
     return y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
 
 
@@ -484,8 +491,8 @@ def of_pair(place: Turn, turn: Turn, least: float, apart: float) -> tuple[Turn, 
     return place, turn
 
 
-def noise_of(rate: Rate, y: Array, held: Held, apart: bool) -> Array:
-    """Rounding noise of the rates, (n,).
+def noise_of(rate: Rate, y: Array, slope: Array, held: Held, apart: bool) -> Array:
+    """Rounding noise of the rates, (n,); slope: rate at y.
 
     It is the largest second difference of the rates over a small fraction of the amplitudes, or
     over some roundings of the coordinates; and the change by one rounding of the coordinates, which
@@ -499,14 +506,14 @@ def noise_of(rate: Rate, y: Array, held: Held, apart: bool) -> Array:
             places = y[group.places]
             moved[group.places] = side * np.maximum(NEARBY * turn.way, ROUNDINGS * np.abs(places))
             rounded[group.places] += side * ROUNDINGS * np.abs(places)
-    noise = np.abs(rate(0.0, rounded) - rate(0.0, y)) / HALF
+    noise = np.abs(rate(rounded) - slope) / HALF
     for share in LOOKS:
-        there, back = rate(0.0, y + share * moved), rate(0.0, y - share * moved)
-        noise = np.maximum(noise, np.abs(there - 2.0 * rate(0.0, y) + back))
+        there, back = rate(y + share * moved), rate(y - share * moved)
+        noise = np.maximum(noise, np.abs(there - 2.0 * slope + back))
     return noise
 
 
-def rate_of(laws: Any, inputs: Array) -> Rate:
+def rate_of(laws: Any, inputs: Array) -> Callable[[float, Array], Array]:
     """dy/dt as a Python function of (t, y)."""
     law = laws.rate
     plain = law if callable(law) else None

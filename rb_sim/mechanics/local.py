@@ -205,7 +205,7 @@ class Rows:
         self.system.first_row = self.first
         placed = tuple(Placed(row, 0, -1 if parent is None else 1) for row in rows)
         y = [x for state in states for x in state]
-        fill_all(placed, t, self.system, y, 0)
+        fill_all(placed, t, self.system, y)
         self.states = [state_of(y, side) for side in range(self.sides)]
         self.rows = rows
 

@@ -201,7 +201,7 @@ class SolvedRows(GuidedLaws):
         graph = Graph()
         system = with_object_tables(self.system)
         y = list(graph.vector("y", self.n))
-        fill_all(system.constraints, graph.input("t"), system, y, 0)
+        fill_all(system.constraints, graph.input("t"), system, y)
         return [value != 0.0 for value in system.rows[:, HOLONOMIC]]
 
     @cached_property

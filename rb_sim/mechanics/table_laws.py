@@ -188,7 +188,7 @@ class TableLaws(MultiBodyLaws):
         if not self.row_count:
             return None
         program, rows = self._new(self._parts, self.dependent.rows)
-        clear_out(program, 0, 1)
+        clear_out(program, 0)
         rows.gap("y", 0, ("out", 0, 1), float(self.system.length))
         return program.compiled()
 
@@ -228,7 +228,7 @@ class TableLaws(MultiBodyLaws):
         program, rows = self._new(self._parts, self.dependent.rows)
         first, then = program.workspace(self.n), program.workspace(self.n)
         self._settle_into(program, "frame", first)
-        clear_out(program, self.n, 1)
+        clear_out(program, self.n)
         length = float(self.system.length)
         rows.write("frame", first, "displaced", {"worst": ("out", self.n, 1), "length": length})
         rows.solve()

@@ -200,14 +200,11 @@ def scaled_tolerance(scene: Scene, tolerance: float) -> float:
 
 def at_its_size(scene: Scene) -> Scene:
     """The scene with its tolerance, if any, scaled to coordinates in SI units."""
-    options = scene.simulation
-    if options.tolerance is None:
+    tolerance = scene.simulation.tolerance
+    if tolerance is None:
         return scene
-    scaled = scaled_tolerance(scene, options.tolerance)
-    if scaled == options.tolerance:
-        return scene
-    update = {"simulation": options.model_copy(update={"tolerance": scaled})}
-    return scene.model_copy(update=update)
+    scaled = scaled_tolerance(scene, tolerance)
+    return scene if scaled == tolerance else scene.with_options(tolerance=scaled)
 
 
 def size_of(scene: Scene) -> float:

@@ -305,6 +305,11 @@ class Scene(Spec):
         """
         return self._text if isinstance(self._text, str) else self._text()
 
+    def with_options(self, **changes: Any) -> Scene:
+        """The same scene with these fields of its section `simulation` changed, unchecked."""
+        options = self.simulation.model_copy(update=changes)
+        return self.model_copy(update={"simulation": options})
+
     def from_source(self, name: str, file: str, text: str | Callable[[], str]) -> Scene:
         """The same scene with its origin set."""
         scene = self.model_copy()

@@ -264,8 +264,7 @@ def carried(scene: Scene) -> Scene:
     if options.method in CARRIED:
         return scene
     tolerance = min(TOLERANCE, options.tolerance or TOLERANCE)
-    update = {"method": "dopri853", "tolerance": tolerance, "step": None}
-    return scene.model_copy(update={"simulation": options.model_copy(update=update)})
+    return scene.with_options(method="dopri853", tolerance=tolerance, step=None)
 
 
 def _beside(scene_at: Callable[[Array], Scene], x: Array, k: int, h: float) -> dict[int, Compiled]:

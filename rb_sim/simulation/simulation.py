@@ -400,9 +400,7 @@ class Simulation(SceneInMotion):
 
     def with_step(self, step: float) -> Simulation:
         """A new simulation of the same scene from its start with another fixed step [s]."""
-        how = {"method": self.setting.name, "step": step, "tolerance": None}
-        options = self.scene.simulation.model_copy(update=how)
-        scene = self.scene.model_copy(update={"simulation": options})
+        scene = self.scene.with_options(method=self.setting.name, step=step, tolerance=None)
         if self._made_with["family"] is None:  # trials need not trace the same laws again
             self._made_with["family"] = family_of([self.compiled])
         trial = Simulation(scene, announce=None, **self._made_with)

@@ -86,11 +86,10 @@ def compiled_at(scene: Scene, states: Mapping[str, Array], t: float, *, project:
 
     Raises RbSimError if a state violates a constraint and is not projected.
     """
-    options = scene.simulation.model_copy(update={"project_initial": project})
     starts = {body: _of_center(scene, body, state) for body, state in states.items()}
     try:
         return compile_scene(
-            scene.model_copy(update={"simulation": options}),
+            scene.with_options(project_initial=project),
             coordinates="maximal",
             place=InitialPlace(scene, starts, t),
         )

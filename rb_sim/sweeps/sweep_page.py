@@ -157,11 +157,11 @@ def distributions(table: RunTable, outputs: list[str]) -> str:
     return _figure("Distributions", figure)
 
 
-def scatter_matrix(table: RunTable, names: list[str], columns: int, most: int) -> str:
-    """HTML with a scatter plot of every pair of `names` (of `columns`), for `most` runs."""
+def scatter_matrix(table: RunTable, names: list[str], columns: int) -> str:
+    """HTML with a scatter plot of every pair of `names` (of `columns`), for MOST_POINTS runs."""
     from plotly import graph_objects as go
 
-    picked = slice(None, None, max(1, len(table) // most))
+    picked = slice(None, None, max(1, len(table) // MOST_POINTS))
     dimensions = [{"label": table.label(n), "values": table.good(n)[picked]} for n in names]
     matrix = go.Splom(dimensions=dimensions, marker={"size": 3}, diagonal_visible=False)
     figure = go.Figure(matrix)
@@ -386,7 +386,7 @@ def _written(where: Path) -> Report:
     sections = [
         _summary(loaded, table),
         distributions(table, outputs),
-        scatter_matrix(table, scattered, len(varied) + len(outputs), MOST_POINTS),
+        scatter_matrix(table, scattered, len(varied) + len(outputs)),
         index_bars(indices),
         _slopes_section(at_middle, table),
         maps_section(loaded, table, outputs),

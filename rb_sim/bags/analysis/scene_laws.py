@@ -92,7 +92,7 @@ class SceneLaws:
         t, y = graph.input("t"), list(graph.vector("y", WIDTH * len(self.bodies)))
         rows = np.zeros(system.rows.shape, object)
         here = system._replace(rows=rows)
-        fill_all(here.constraints, t, here, y, 0)
+        fill_all(here.constraints, t, here, y)
         count = len(owners)
         self.lines = [
             Line(owners[k], rows[k, HOLONOMIC] != 0.0, arm_of(system, k)) for k in range(count)

@@ -82,9 +82,9 @@ def material_point(S, r):
     )
 
 
-def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
-    """Write the row d . (velocity of r_B relative to the parent's frame) = 0, d fixed in that
-    frame.
+def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error):
+    """Write the holonomic row d . (velocity of r_B relative to the parent's frame) = 0, d fixed in
+    that frame.
 
     p, c: position and centripetal acceleration of r_B; rho = p - p_A; v_rel: relative velocity.
     """
@@ -93,7 +93,7 @@ def put_along(G, k, d, p, c, B, A, r_B, rho, v_rel, spin_A, error, holonomic):
     bias = (
         dot(d, c) - dot(d, cross(spin_A, cross(spin_A, rho))) - 2.0 * dot(d, cross(spin_A, v_rel))
     )
-    put(G, k, d, turn_B, turn_A, bias, error, 0.0, holonomic)
+    put(G, k, d, turn_B, turn_A, bias, error, 0.0, 1.0)
 
 
 def relative_motion(B, A, r_B):
@@ -110,7 +110,7 @@ def hold_along(row, B, A, G, k, directions):
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     for i in range(len(directions)):
         d = rotate(A.q_WB, directions[i])
-        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap), 1.0)
+        put_along(G, k + i, d, p, c, B, A, row.r_B, rho, v_rel, spin_A, dot(d, gap))
 
 
 class PointRow(NamedTuple):
@@ -271,7 +271,7 @@ def fill_distance(row, t, B, A, G, k):
     gap = sub(rho, rotate(A.q_WB, row.r_A))
     length = norm(gap)
     u = scale(1.0 / length, gap)
-    put_along(G, k, u, p, c, B, A, row.r_B, rho, v_rel, spin_A, length - row.length, 1.0)
+    put_along(G, k, u, p, c, B, A, row.r_B, rho, v_rel, spin_A, length - row.length)
     along = dot(u, v_rel)  # u turns relative to the parent; put_along takes it as fixed
     G[k, BIAS] += (dot(v_rel, v_rel) - along * along) / length
 

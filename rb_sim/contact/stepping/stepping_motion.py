@@ -464,7 +464,7 @@ class SteppedContacts(GridMotion):
         assert self._joints is not None
         system = self._joints.system
         system.rows[...] = self._joints.rows(t, y)
-        anchor_all(system.constraints, system, y, 0)
+        anchor_all(system.constraints, system, y)
         workspace = self._workspace
         x = system.vectors[MULTIPLIERS] = (workspace.joint_x + workspace.joint_back) / h
         first, row = system.first_row, 13 * len(self.layout.bodies)

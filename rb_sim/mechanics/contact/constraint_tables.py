@@ -264,16 +264,6 @@ def traction_over_normal_force_by_law(system, c, slip):
     return traction_at(law, slip, constants, pointer(system.workspace))[0]
 
 
-def write_contacts(groups, t, system, y, c, everywhere):
-    """Write the contacts of all groups, the first of which is number c, or those that are closed
-    alone."""
-    for group in groups:
-        for placed in group:
-            if everywhere or system.contact_table[c, CLOSED] == 1.0:
-                write_contact(placed, t, system, y, c)
-            c += 1
-
-
 def _write_all_rows(system, t, y, everywhere):
     """Write the rows of all constraints at (t, y), and what is known of every contact; or, where
     the rows of open ones are zero already, of the closed ones alone, which is all that a rate
@@ -291,7 +281,7 @@ def write_joints(system, t, y):
 @write_joints.register(ContactBodies)
 def write_joints_plainly(system, t, y):
     """Interpreted: each constraint's `fill` in turn."""
-    fill_all(system.constraints, t, system, y, 0)
+    fill_all(system.constraints, t, system, y)
 
 
 @write_joints.register(PackedSystem)
@@ -305,7 +295,10 @@ def write_joints_by_law(system, t, y):
 def write_all_rows_plainly(system, t, y, everywhere):
     """Interpreted: the rows of joints and contacts, then their force directions."""
     write_joints(system, t, y)
-    write_contacts(system.contacts, t, system, y, 0, everywhere)
+    placed_contacts = [placed for group in system.contacts for placed in group]
+    for c, placed in enumerate(placed_contacts):
+        if everywhere or system.contact_table[c, CLOSED] == 1.0:
+            write_contact(placed, t, system, y, c)
     copy_joint_rows(system)
 
 
@@ -382,7 +375,7 @@ def write_anchors(system, y):
 @write_anchors.register(ContactBodies)
 def write_anchors_plainly(system, y):
     """Interpreted: each constraint's `anchor` in turn."""
-    anchor_all(system.constraints, system, y, 0)
+    anchor_all(system.constraints, system, y)
 
 
 @write_anchors.register(PackedSystem)

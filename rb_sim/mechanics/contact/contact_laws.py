@@ -223,7 +223,7 @@ class ContactLaws:
             return None
 
         def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
-            fill_all(system.constraints, t, system, y, 0)
+            fill_all(system.constraints, t, system, y)
             return list(system.rows[:count].ravel())
 
         return self._law(kernel)
@@ -236,7 +236,7 @@ class ContactLaws:
             return None
 
         def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
-            anchor_all(system.constraints, system, y, 0)
+            anchor_all(system.constraints, system, y)
             return list(system.anchors[:count].ravel())
 
         return self._law(kernel)

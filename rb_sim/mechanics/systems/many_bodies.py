@@ -142,10 +142,10 @@ def fill_one(placed, t, system, y, part):
     fill(placed.row, t, B, A, system.rows, system.first_row[part])
 
 
-def fill_all(constraints, t, system, y, part):
-    """Write the rows of all constraints; part: index of the first one."""
-    for i, placed in enumerate(constraints):
-        fill_one(placed, t, system, y, part + i)
+def fill_all(constraints, t, system, y):
+    """Write the rows of all constraints."""
+    for part, placed in enumerate(constraints):
+        fill_one(placed, t, system, y, part)
 
 
 def anchor_one(placed, system, y, part):
@@ -155,10 +155,10 @@ def anchor_one(placed, system, y, part):
         system.anchors[part, j] = point[j]
 
 
-def anchor_all(constraints, system, y, part):
-    """Write the anchors of all parts; part: index of the first one."""
-    for i, placed in enumerate(constraints):
-        anchor_one(placed, system, y, part + i)
+def anchor_all(constraints, system, y):
+    """Write the anchors of all constraints."""
+    for part, placed in enumerate(constraints):
+        anchor_one(placed, system, y, part)
 
 
 def power_one(placed, t, system, y):

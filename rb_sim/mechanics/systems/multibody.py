@@ -166,7 +166,7 @@ def free_accelerations(system, y):
 @write_rows.register(MultiBody)
 def write_constraint_rows(system, t, y):
     """Write the rows of each constraint by its `fill`, in order."""
-    fill_all(system.constraints, t, system, y, 0)
+    fill_all(system.constraints, t, system, y)
 
 
 def move_by_response(system, y):
@@ -200,7 +200,7 @@ def put_reactions(system, y, out, first):
     """Write the reactions from the multipliers: force, torque about the anchor, anchor; world
     axes."""
     rows, members = system.rows, system.members
-    anchor_all(system.constraints, system, y, 0)
+    anchor_all(system.constraints, system, y)
     at = first
     for o in range(members.shape[0]):
         main = members[o, 0]
