@@ -52,6 +52,7 @@ from rb_sim.numerics.complementarity import (
     relative,
     row_times,
     solution,
+    unit_of,
 )
 from rb_sim.numerics.kernels import integers, part, pointer
 from rb_sim.numerics.linear_solves import copy_system, decomposed
@@ -93,25 +94,31 @@ def list_rows(graph, places):
     return n
 
 
-def fill_problem(graph, u, x, places, A, b, terms, r):
-    """A of the rows at these places with joints that follow, their impulses r, and b, without what
-    friction without a corner gives; terms: sizes of the summands of b."""
+def unit_at(k, arm):
+    """Of the rate of row k of a contact: turning, and moments, are measured at an arm [m], so that
+    least impulses weigh moments beside forces."""
+    return arm if k % CONTACT_ROWS >= 3 else 1.0
+
+
+def fill_problem(graph, u, x, places, arm, A, b, terms, r):
+    """A of the rows at these places with joints that follow, their impulses r, and b, in units of
+    `unit_at`, without what friction without a corner gives; terms: sizes of the summands of b."""
     n, ends, joints = places.shape[0], graph.ends, graph.joint_rows.shape[0]
     w, d, e = np.empty((u.shape[0], 6)), np.empty(joints), graph.joint_ends
     for m in range(n):
-        k, i = places[m], places[m] // CONTACT_ROWS
-        r[m] = x[k]
-        b[m] = rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k]
+        k, i, unit = places[m], places[m] // CONTACT_ROWS, unit_at(places[m], arm)
+        r[m] = x[k] / unit
+        b[m] = unit * (rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k])
         for body in range(u.shape[0]):
             for j in range(6):
                 w[body, j] = 0.0
-        add_impulse(graph.rows, k, w, ends[i, 0], ends[i, 1], 1.0)
+        add_impulse(graph.rows, k, w, ends[i, 0], ends[i, 1], unit)
         for j in range(joints):
             d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
         give_joints(graph, w, d)
         for o in range(n):
-            i = places[o] // CONTACT_ROWS
-            A[o, m] = rate_of(graph.rows, places[o], w, ends[i, 0], ends[i, 1])
+            k, i = places[o], places[o] // CONTACT_ROWS
+            A[o, m] = unit_at(k, arm) * rate_of(graph.rows, k, w, ends[i, 0], ends[i, 1])
     for o in range(n):
         terms[o] = abs(b[o])
         for m in range(n):
@@ -122,7 +129,7 @@ def fill_problem(graph, u, x, places, A, b, terms, r):
             A[m, m] += graph.rules[places[m] // CONTACT_ROWS, COMPLIANCE]
 
 
-def fill_laws(graph, places, r, rules, bounds, limits, slack):
+def fill_laws(graph, places, r, arm, rules, bounds, limits, slack):
     """Rules, bounds and limits of the rows at these places; returns how many bounds there are.
 
     slack: velocity against which the impulse 1 of each row works besides A, as where friction has
@@ -140,7 +147,7 @@ def fill_laws(graph, places, r, rules, bounds, limits, slack):
             slack[o] = 1.0 / viscous if viscous > 0.0 else 0.0
         if j == 1 or j == 3 or j == 5:
             bounds[m, 0], bounds[m, 1], bounds[m, 2] = o, -1 if j == 5 else o + 1, normal
-            limit = graph.rules[i, ROLLS] if j == 3 else graph.rules[i, SPINS]
+            limit = (graph.rules[i, ROLLS] if j == 3 else graph.rules[i, SPINS]) / arm
             limit = min(graph.rules[i, BOUND], ROUGH) if j == 1 else limit
             limits[m] = limit if limit >= 0.0 else (math.inf if slack[o] > 0.0 else 0.0)
             m += 1
@@ -265,32 +272,26 @@ def solve_near(p, terms, x):
         solution(p, terms, x)
 
 
-def take_over(graph, u, x, joints, places, r):
+def take_over(graph, u, x, joints, places, arm, r):
     """Let the impulses of the rows at these places be r; u and those of the joints follow."""
     for m in range(places.shape[0]):
-        k, i = places[m], places[m] // CONTACT_ROWS
-        add_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], r[m] - x[k])
-        x[k] = r[m]
+        k, i, taken = places[m], places[m] // CONTACT_ROWS, r[m] * unit_at(places[m], arm)
+        add_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], taken - x[k])
+        x[k] = taken
     relax_joints(graph, u, joints)
 
 
-def some_turn(graph):
-    """Whether any contact resists rolling or spinning."""
-    for i in range(graph.ends.shape[0]):
-        if graph.rules[i, ROLLS] > 0.0 or graph.rules[i, SPINS] > 0.0:
-            return True
-    return False
-
-
-def solve_few(graph, u, x, joints, slow, look):
+def solve_few(graph, u, x, joints, slow, length, look):
     """Solve a graph of which `are_few` is true from what sweeps have left, with the least shares
     where the laws leave them open.
 
     Where contacts of a body contradict each other, as corners that land together but for rounding,
-    the laws are kept on the mean.  slow: velocity that is none.  Returns (natural map of the laws
-    over the largest impulse, how much shares change of a velocity relative to what impulses make of
-    it, if asked to look, and the number of a contact that has such a share).
+    the laws are kept on the mean.  slow: velocity that is none; length: of the scene.  Returns
+    (natural map of the laws over the largest impulse, how much shares change of a velocity relative
+    to what impulses make of it, if asked to look, and the number of a contact that has such a
+    share).
     """
+    arm = unit_of(1.0 / (length * length))
     places = np.empty(CONTACT_ROWS * graph.ends.shape[0], np.int64)
     n = list_rows(graph, places)
     if n == 0:
@@ -301,10 +302,10 @@ def solve_few(graph, u, x, joints, slow, look):
     b, terms, step, slack, least = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
     r, found, limits = np.empty(n), np.empty(n), np.empty(n)
     rules, bounds = np.empty(n, np.int64), np.empty((n, BOUND_WIDTH), np.int64)
-    fill_problem(graph, u, x, places, alone, b, terms, r)
+    fill_problem(graph, u, x, places, arm, alone, b, terms, r)
     figure, of, rest = 0.0, 0, 0.0
     for _ in range(TURNS):
-        m, viscous = fill_laws(graph, places, r, rules, bounds, limits, slack), False
+        m, viscous = fill_laws(graph, places, r, arm, rules, bounds, limits, slack), False
         for i in range(n):
             found[i] = r[i]
             viscous = viscous or slack[i] > 0.0
@@ -319,8 +320,7 @@ def solve_few(graph, u, x, joints, slow, look):
         before = misfit(p, pointer(r), pointer(work))
         if before > ENOUGH:
             solve_near(p, pointer(terms), pointer(found))
-        if not some_turn(graph):
-            _, figure, of = take_least(p, slow, pointer(found), look)
+        _, figure, of = take_least(p, slow, pointer(found), look)
         rest, moved, most = misfit(p, pointer(found), pointer(work)), 0.0, 0.0
         if rest > max(before, FINE):
             rest = before
@@ -330,5 +330,5 @@ def solve_few(graph, u, x, joints, slow, look):
             r[k] = found[k]
         if not (viscous and moved > SOLVED * most):
             break
-    take_over(graph, u, x, joints, places, r)
+    take_over(graph, u, x, joints, places, arm, r)
     return rest, figure, places[of] // CONTACT_ROWS

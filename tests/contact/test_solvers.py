@@ -94,7 +94,7 @@ def densely(name: str) -> tuple[Any, ...]:
     from rb_sim.contact.few_contacts import solve_few
 
     _, graph, u, x = swept(name, 1)
-    rest, _, _ = solve_few(graph, u, x, np.zeros(0), 0.0, False)
+    rest, _, _ = solve_few(graph, u, x, np.zeros(0), 0.0, 1.0, False)
     return rest, graph, u, x
 
 

@@ -478,7 +478,7 @@ def solve_impulses(tables, workspace, graph, x, y):
         return of_heap(tables, workspace, graph, x, y, rest, made)
     if made > 1 and (rest > ENOUGH or graph.ends.shape[0] > 1):
         slow = SOLVED * tables.scales[1]
-        given, figure, of = solve_few(graph, u, x, joints, slow, notes[OPEN] == 0.0)
+        given, figure, of = solve_few(graph, u, x, joints, slow, length, notes[OPEN] == 0.0)
         notes[GAVE], notes[OPEN_NOW] = max(notes[GAVE], given), figure
         rest = given if given > FINE else 0.0
         if figure > 0.0:

@@ -157,9 +157,14 @@ def test_a_block_that_is_held_loads_both_pads_alike() -> None:
     assert not [text for text in reported if "ambiguous" in text]
 
 
-def test_a_motion_that_shares_leave_open_is_reported_once() -> None:
+@pytest.mark.parametrize("resists", [{}, {"rolling_resistance": 1e-3, "spinning_resistance": 2e-3}])
+def test_a_motion_that_shares_leave_open_is_reported_once(resists: dict[str, float]) -> None:
     squeeze = 0.985 * BLOCK * G / (2.0 * MU)
-    _, reported = run(clamped(squeeze, COULOMB, False))
+    scene = clamped(squeeze, COULOMB, False)
+    for finger in FINGERS:
+        scene["constraints"][f"on_{finger}"] |= resists
+    found, reported = run(scene)
+    falls(found, 2.0 * MU * squeeze)
     assert (
         len([text for text in reported if "accelerations that the contact laws allow" in text]) == 1
     )
