@@ -191,8 +191,8 @@ def test_output_folder_that_cannot_be_made(tmp_path, tumble):
     (tmp_path / "file").write_text("")
     done = invoke("run", tumble, "--out", tmp_path / "file")
     assert done.exit_code == 2
-    allowed = "must be a folder, or a name for a new one"
-    assert done.output == f"error: --out {tmp_path / 'file'}: is a file; {allowed}\n"
+    allowed = "must be one, or a name for a new one"
+    assert done.output == f"error: --out {tmp_path / 'file'}: is not a folder; {allowed}\n"
 
 
 def test_version_and_verbs():
