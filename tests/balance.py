@@ -48,7 +48,7 @@ def two_bodies(own: Mapping, **more: Mapping) -> Mapping:
 def random_motion(system: Any, y: np.ndarray, rng: np.random.Generator, posed: bool) -> np.ndarray:
     """Random velocities and, if `posed`, places and attitudes of all bodies, brought onto the
     manifold."""
-    from tests.numbers import settled
+    from tests.numbers import projected
 
     y = y.copy()
     for i in range(system.bodies.shape[0]):
@@ -56,7 +56,7 @@ def random_motion(system: Any, y: np.ndarray, rng: np.random.Generator, posed: b
             y[13 * i : 13 * i + 3] = rng.normal(size=3)
             y[13 * i + 3 : 13 * i + 7] = unit(rng, 4)
         y[13 * i + 7 : 13 * i + 13] = 2.0 * rng.normal(size=6)
-    return settled(system, 0.0, y)
+    return projected(system, 0.0, y)
 
 
 class Balance(NamedTuple):

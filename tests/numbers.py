@@ -32,7 +32,7 @@ def outputs(law: Any, t: float, y: np.ndarray, p: np.ndarray, count: int) -> np.
     return out
 
 
-def settled(system: Any, t: float, y: np.ndarray) -> np.ndarray:
+def projected(system: Any, t: float, y: np.ndarray) -> np.ndarray:
     """y with unit quaternions and on the manifold, in place."""
     from rb_sim.mechanics.initial_projection import start_on_manifold
     from rb_sim.mechanics.system import project

@@ -111,9 +111,9 @@ class Rates:
         self._waiting.append((starts, steps))
         self._waiting_count += len(steps)
         if self._waiting_count >= FIRST:
-            self._settle()
+            self._begin()
 
-    def _settle(self) -> None:
+    def _begin(self) -> None:
         steps = np.concatenate([s for _, s in self._waiting]) if self._waiting else np.empty(0)
         forward = steps[steps > 0]
         self._period = float(np.median(forward)) if len(forward) else 0.0
@@ -138,7 +138,7 @@ class Rates:
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers; times in seconds, rates in Hz."""
         if self._period is None:
-            self._settle()
+            self._begin()
         period = self._period or 0.0
         mean = self._sum / self._regular if self._regular else 0.0
         spread = self._squares / self._regular - mean**2 if self._regular else 0.0

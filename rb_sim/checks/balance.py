@@ -301,9 +301,9 @@ class Account:
         if left_out.any():
             t, kept, supply = (np.append(*pair, 0) for pair in zip(ends, rows, strict=True))
             change = np.diff(kept, axis=0)[left_out]
-            told = 0.5 * (np.diff(t, axis=0) * (supply[1:] + supply[:-1]))[left_out]
+            trapezoid = 0.5 * (np.diff(t, axis=0) * (supply[1:] + supply[:-1]))[left_out]
             self._left_out += [change.sum(axis=0), np.abs(change).sum(axis=0)]
-            self._unsure += np.abs(change - told).sum(axis=0)
+            self._unsure += np.abs(change - trapezoid).sum(axis=0)
 
     def total(self) -> tuple[Array, Array, Array, Array, Array]:
         """Change less supply, how far the supply may be wrong, by how much the samples are off the

@@ -98,7 +98,7 @@ class Quadrature:
         """... and whether the interval up to each is left out."""
         self._open = 0
         """the first of the intervals between them that more samples may change."""
-        self._settled, self._last = np.zeros((3, columns)), np.zeros((3, columns))
+        self._final, self._last = np.zeros((3, columns)), np.zeros((3, columns))
         """sums of `integrals` over the intervals before, and from there on."""
         self._waiting: list[tuple[Array, Array, Array]] = []
         self._count = 0
@@ -119,7 +119,7 @@ class Quadrature:
         the last sample so far, shape (3, columns)."""
         if self._waiting:
             self._take()
-        return self._settled + self._last
+        return self._final + self._last
 
     def _take(self) -> None:
         """Integrate over what waits."""
@@ -131,13 +131,13 @@ class Quadrature:
         if len(t) < 2:
             return
         found = integrals(t, f, out)[:, self._open :]
-        # settled is what lies before the last piece, or has a sample after its cubic
+        # final is what lies before the last piece, or has a sample after its cubic
         begun = int(np.flatnonzero(out).max(initial=0))
-        settled = len(t) - 2 if len(t) - begun >= NODES else max(begun - 1, 0)
-        self._settled = self._settled + found[:, : settled - self._open].sum(axis=1)
-        self._last = found[:, settled - self._open :].sum(axis=1)
-        kept = max(0, settled - NODES + 1)
-        self._t, self._f, self._open = t[kept:], f[kept:], settled - kept
+        final = len(t) - 2 if len(t) - begun >= NODES else max(begun - 1, 0)
+        self._final = self._final + found[:, : final - self._open].sum(axis=1)
+        self._last = found[:, final - self._open :].sum(axis=1)
+        kept = max(0, final - NODES + 1)
+        self._t, self._f, self._open = t[kept:], f[kept:], final - kept
         self._left_out = out[kept:].copy()
 
 

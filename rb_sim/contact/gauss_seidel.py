@@ -375,8 +375,8 @@ def largest_of(x, joints):
     return most
 
 
-def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
-    """Sweep until no impulse changes by more than `settled` of the largest, at most `sweeps` times.
+def gauss_seidel(graph, u, x, joints, size, tolerance, sweeps):
+    """Sweep until no impulse changes by more than `tolerance` of the largest, or `sweeps` times.
 
     u (velocities that x and `joints` have already been pushed into), x and joints change in place.
     size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
@@ -395,6 +395,6 @@ def gauss_seidel(graph, u, x, joints, size, settled, sweeps):
                 change = max(change, relax(graph, u, x, c, size))
         largest = largest_of(x, joints)
         rest = change / largest if largest > 0.0 else 0.0
-        if not rest > settled:
+        if not rest > tolerance:
             break
     return rest, made

@@ -440,15 +440,15 @@ SPELL = 60
 that follows."""
 
 
-def solve_exactly(graph, bodies, u, x, joints, size, settled, sweeps):
+def solve_exactly(graph, bodies, u, x, joints, size, tolerance, sweeps):
     """As `gauss_seidel`, with Newton's method between spells of at most `sweeps` sweeps in all:
     sweeps come near from anywhere, Newton's method ends them."""
     plain, spell, made, rest = is_plain(graph), SPELL, 0, 1.0
-    while rest > settled and made < sweeps:
+    while rest > tolerance and made < sweeps:
         if made > 0 and plain:
             proximal_newton(graph, bodies, u, x, 0.0)
         spell = min(2 * spell if made > 0 else SPELL, sweeps - made)
-        rest, more = gauss_seidel(graph, u, x, joints, size, settled, spell)
+        rest, more = gauss_seidel(graph, u, x, joints, size, tolerance, spell)
         made += more
     return rest, made
 

@@ -199,7 +199,7 @@ def at_rest(scene: Scene) -> Equilibrium:
     friction.
     """
     place = InitialPlace(scene)
-    states = {name: still(place.state(name)) for name in scene.bodies}
+    states = {name: at_zero_velocity(place.state(name)) for name in scene.bodies}
     scale = length_of(scene, place)
     elements: list[Element] = []
     apart: list[str] = []
@@ -287,7 +287,7 @@ def has_parent(spec: Any) -> bool:
     return getattr(spec, "parent", None) is not None
 
 
-def still(state: BodyState) -> BodyState:
+def at_zero_velocity(state: BodyState) -> BodyState:
     """The same pose with zero velocities."""
     return state._replace(v_WC=(0.0, 0.0, 0.0), w_WB_B=(0.0, 0.0, 0.0))
 

@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from rb_sim.base.palette import REACTION, TENSION, TEXT, VERMILLION
 from rb_sim.catalogue.spec import BodyState
 from rb_sim.equilibrium.equilibrium import Element, Equilibrium, tangents
-from rb_sim.equilibrium.statics_of_scene import Load, active_loads, at_rest, still
+from rb_sim.equilibrium.statics_of_scene import Load, active_loads, at_rest, at_zero_velocity
 from rb_sim.equilibrium.statics_tables import StaticsResult
 from rb_sim.io.extent import drawn_solid
 from rb_sim.scene import shapes
@@ -137,7 +137,7 @@ class Drawn(NamedTuple):
 def drawn_of(scene: Scene) -> Drawn:
     """The contents for a scene, without loads that are zero at rest."""
     place = InitialPlace(scene)
-    states = {name: still(place.state(name)) for name in scene.bodies}
+    states = {name: at_zero_velocity(place.state(name)) for name in scene.bodies}
     loads = [
         load for load in active_loads(scene, place, states) if load.force.any() or load.torque.any()
     ]

@@ -189,11 +189,11 @@ class Envelope:
         self._waiting.append((t, values))
         self._fresh += len(t)
         if self._fresh >= max(BATCH, self._stride):
-            self._settle()
+            self._fill_buckets()
 
     def curves(self) -> tuple[Array, Array]:
         """Times, shape (m,), and values, shape (m, columns), to plot as lines."""
-        ((t, rest),) = self._settle()
+        ((t, rest),) = self._fill_buckets()
         times, low, high = self._times, self._low, self._high
         if len(t):  # the last, partly filled bucket
             times = np.append(times, t[0])
@@ -204,7 +204,7 @@ class Envelope:
         both = np.stack([low, high], axis=2)
         return np.repeat(times, 2), both.reshape(len(both), -1).T
 
-    def _settle(self) -> list[tuple[Array, Array]]:
+    def _fill_buckets(self) -> list[tuple[Array, Array]]:
         """Put waiting samples into buckets, as many as are full; returns the rest."""
         parts = [part for part in self._waiting if len(part[0])] or self._waiting[:1]
         t, values = parts[0]

@@ -103,10 +103,10 @@ class Lanes:
         change = [a + b for a, b in zip(dy, carry, strict=True)]
         moved = tuple(a + b for a, b in zip(y, change, strict=True))
         rest = [c - (b - a) for a, b, c in zip(y, moved, change, strict=True)]
-        settled = project(system, t + h, moved)
-        within = inside(system, settled)
+        projected = project(system, t + h, moved)
+        within = inside(system, projected)
         within = 1.0 if within is True else where(within, 1.0, 0.0)
-        return [*settled, *rest], error, sum(settled[1:], settled[0]), within
+        return [*projected, *rest], error, sum(projected[1:], projected[0]), within
 
     def _fixed(self, step: Step) -> list[Any]:
         """Outputs of the law of a fixed step, see `integrate.lane_loops`."""

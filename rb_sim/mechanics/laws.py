@@ -406,8 +406,8 @@ class ReducedLaws(GuidedLaws):
         change = [a + b for a, b in zip(dy, carry, strict=True)]
         moved = tuple(a + b for a, b in zip(y, change, strict=True))
         rest = [c - (b - a) for a, b, c in zip(y, moved, change, strict=True)]
-        settled = project(system, t + h, moved)
-        outputs = [*settled, *rest, sum(settled[1:], settled[0])]
+        projected = project(system, t + h, moved)
+        outputs = [*projected, *rest, sum(projected[1:], projected[0])]
         outputs += [error] if estimated else []
         return compile_law(outputs) if operations(outputs) <= WHOLE else None
 

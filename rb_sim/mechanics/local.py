@@ -23,7 +23,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import BIAS, COUNT, ERROR, HOLONOMIC, RATE, ROW_WIDTH, anchor
 from rb_sim.catalogue.spec import Placed, potential
 from rb_sim.graph.symbols import maximum
-from rb_sim.mechanics.systems.free import settle_spins
+from rb_sim.mechanics.systems.free import project_spins
 from rb_sim.mechanics.systems.many_bodies import (
     BODY_WIDTH,
     INERTIA,
@@ -88,7 +88,7 @@ def of_hub(body: Any, t: Any, y: Any, load: Any) -> list[Any]:
     return [minus_mass(body), [*(-f for f in force), *([0.0] * 6)]]
 
 
-def still_hub(body: Any, t: Any) -> list[Any]:
+def unloaded_hub(body: Any, t: Any) -> list[Any]:
     """As of_hub, without loads."""
     return [minus_mass(body), [0.0] * 12]
 
@@ -131,7 +131,7 @@ def unit(t: Any, y: Any) -> list[Any]:
 def on_own_polhode(spin: Any, t: Any, y: Any) -> list[Any]:
     """Coordinates of a body with the spin projected onto its polhode."""
     at = list(y)
-    settle_spins(SimpleNamespace(spins=(spin,)), at)  # type: ignore[arg-type]
+    project_spins(SimpleNamespace(spins=(spin,)), at)  # type: ignore[arg-type]
     return [at]
 
 

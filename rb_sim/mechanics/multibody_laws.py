@@ -37,7 +37,7 @@ from rb_sim.mechanics.systems.elimination import (
     take_least_norm,
     with_object_tables,
 )
-from rb_sim.mechanics.systems.free import settle_spins
+from rb_sim.mechanics.systems.free import project_spins
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
     INERTIA,
@@ -353,7 +353,7 @@ class MultiBodyLaws(SolvedRows):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             clear_response(system)
             move_by_response(system, y)
-            settle_spins(system, y)
+            project_spins(system, y)
             return y
 
         return self.traced(kernel)
@@ -416,7 +416,7 @@ class MultiBodyLaws(SolvedRows):
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             clear_response(system)
             move_by_response(system, y)
-            settle_spins(system, y)
+            project_spins(system, y)
             write_rows(system, t, y)
             worst = worst_gap(system, self.holonomic)
             factors = factors_of(system, self.order, self.plan)

@@ -266,7 +266,7 @@ class ConstraintRows:
             fields = (("y", WIDTH * b, WIDTH), ("frame", self.load + 6 * b, 6))
             loaded.append(Instance(self.bodies[b], fields, outputs))
         run(self.program, "hub", local.of_hub, loaded)
-        run(self.program, "still hub", local.still_hub, unloaded)
+        run(self.program, "unloaded hub", local.unloaded_hub, unloaded)
 
     def _couple(self) -> None:
         """Write the blocks between nodes that share a body."""

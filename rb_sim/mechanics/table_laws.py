@@ -165,7 +165,7 @@ class TableLaws(MultiBodyLaws):
         )
         return program.compiled()
 
-    def _settle_into(self, program: Program, base: str, first: int) -> None:
+    def _project_into(self, program: Program, base: str, first: int) -> None:
         """Write y with unit quaternions and free spins on their polhodes into an array."""
         own = (base, first, WIDTH, WIDTH)
         self._each_body(program, local.unit, ("y", 0, WIDTH, WIDTH), own)
@@ -179,7 +179,7 @@ class TableLaws(MultiBodyLaws):
     def project(self) -> CompiledLaws:
         """y with unit quaternions and free spins on their polhodes."""
         program = Program()
-        self._settle_into(program, "out", 0)
+        self._project_into(program, "out", 0)
         return program.compiled()
 
     @cached_property
@@ -227,7 +227,7 @@ class TableLaws(MultiBodyLaws):
             return None
         program, rows = self._new(self._parts, self.dependent.rows)
         first, then = program.workspace(self.n), program.workspace(self.n)
-        self._settle_into(program, "frame", first)
+        self._project_into(program, "frame", first)
         clear_out(program, self.n)
         length = float(self.system.length)
         rows.write("frame", first, "displaced", {"worst": ("out", self.n, 1), "length": length})

@@ -476,7 +476,7 @@ class Watcher:
         self.stopped = self._watch is not None and not self._watch(now)
         return not self.stopped
 
-    def still(self) -> bool:
+    def may_continue(self) -> bool:
         """Whether the watch allows to continue, for attempts after a run has failed."""
         return self._watch is None or self._watch(self._motion.time)
 

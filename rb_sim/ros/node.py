@@ -353,7 +353,7 @@ class SimulationLoop:
         with self.turns.own():
             self._closed = True
             self._keep_to_the_clock()
-            self._stepper.settle()
+            self._stepper.rewind()
         self._asked.watch(None)
         self.commands.close()
         for sink in [one for one in self._sinks if one is not self._logs]:
@@ -451,7 +451,7 @@ class SimulationLoop:
 
     def _begin_to_pace(self) -> None:
         """Restart pacing at the present time, if time runs."""
-        self._stepper.settle()
+        self._stepper.rewind()
         self._keep_to_the_clock()
         self._pacer.restart(self.t, self._settings.real_time_factor)
 

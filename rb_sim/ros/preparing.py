@@ -101,7 +101,7 @@ def begin(
         if TIME_FIELD in settings.out:
             logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
-    settle_memory()
+    freeze_memory()
     loop.show()
     warn_of_unknown(node, lambda name: name.startswith(OF_TOPICS))
     announce(node, simulation, settings)
@@ -116,7 +116,7 @@ def ended(node: Node, loop: SimulationLoop, stop: Interruption) -> int:
     return 1 if loop.failure else LOG_CUT if loop.incomplete else 0
 
 
-def settle_memory() -> None:
+def freeze_memory() -> None:
     """Exclude existing objects from garbage collection, which would take 0.1 s now and then."""
     gc.collect()
     gc.freeze()

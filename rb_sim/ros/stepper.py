@@ -66,10 +66,10 @@ class Ahead:
         self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
     ) -> None:
         """As Simulation.apply_wrench, at the last sample handed out."""
-        self.settle()
+        self.rewind()
         self._simulation.apply_wrench(body, force, torque, frame)
 
-    def settle(self) -> None:
+    def rewind(self) -> None:
         """Return the simulation to the last sample handed out."""
         if self._taken < len(self._rows):
             self._simulation.back_to(self._kept)
@@ -285,13 +285,13 @@ class Stepper:
         for prepare in self._prepare if rows else ():
             prepare(rows)
 
-    def settle(self) -> None:
+    def rewind(self) -> None:
         """Return the simulation to the last sample, before it is inspected or changed."""
-        self.ahead.settle()
+        self.ahead.rewind()
 
     def reset(self) -> None:
         """Make the initial state, without commands, the next sample; stamps continue."""
-        self.settle()
+        self.rewind()
         self._steps_before = self.steps
         self._simulation.reset()
         self._commands.forget()
@@ -304,7 +304,7 @@ class Stepper:
 
         Raises RbSimError if the state is invalid; nothing has changed then.
         """
-        self.settle()
+        self.rewind()
         steps = self.steps
         self._simulation.set_state(bodies, project=project)
         self._steps_before = steps

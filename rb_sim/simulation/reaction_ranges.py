@@ -26,7 +26,12 @@ from rb_sim.catalogue.contact import Touching
 from rb_sim.catalogue.spec import WORLD, BodyState
 from rb_sim.equilibrium.equilibrium import Array, Element, Equilibrium, poles_of, put_together
 from rb_sim.equilibrium.statics import solved
-from rb_sim.equilibrium.statics_of_scene import Standing, joint_elements, still, touching_elements
+from rb_sim.equilibrium.statics_of_scene import (
+    Standing,
+    at_zero_velocity,
+    joint_elements,
+    touching_elements,
+)
 from rb_sim.equilibrium.statics_tables import ReactionRange
 from rb_sim.scene.place import InitialPlace, quaternion, vector
 
@@ -106,7 +111,7 @@ def states_at(run: Trajectory, sample: int) -> dict[str, BodyState]:
     """The poses of the bodies at a sample, with zero velocities."""
     block, none = run.block, (0.0, 0.0, 0.0)
     return {
-        name: still(BodyState(
+        name: at_zero_velocity(BodyState(
             vector(block.position[sample, i]), quaternion(block.orientation[sample, i]), none, none
         ))
         for i, name in enumerate(run.layout.bodies)

@@ -395,7 +395,7 @@ class Simulation(SceneInMotion):
             return error
         from rb_sim.checks.step_search import step_that_runs
 
-        advice = step_that_runs(self, self.time, end, watcher.still)
+        advice = step_that_runs(self, self.time, end, watcher.may_continue)
         return StepTooLargeError(f"{error}; {advice}")
 
     def with_step(self, step: float) -> Simulation:

@@ -57,13 +57,13 @@ from rb_sim.sweeps.unknowns import (
     differenced,
     differences,
     free_numbers,
-    held_still,
     moving,
     negligible,
     poorly_determined,
     slopes_of,
     start_of,
     values_of,
+    with_holding_rows,
     with_numbers,
 )
 
@@ -422,7 +422,7 @@ class _Problem:
             message = "none of the parameters changes the motion"
             return OptimizeResult(x=x, fun=self.weighted(x), message=message, refused=0, held=0)
         start = limits.inside(x)[moved]
-        held, derivative = held_still(slopes, start, negligible(self.smooth))
+        held, derivative = with_holding_rows(slopes, start, negligible(self.smooth))
         count = int(self._follow.sum())
         self.refused = 0
         found = least_squares(

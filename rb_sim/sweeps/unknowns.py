@@ -283,7 +283,7 @@ def poorly_determined(s: np.ndarray, least: float) -> np.ndarray:
     return s <= least * max(s[0], 1e-300)
 
 
-def still(J: np.ndarray, least: float) -> np.ndarray:
+def holding_rows(J: np.ndarray, least: float) -> np.ndarray:
     """Rows that hold undetermined combinations at their start values, as strongly as the data hold
     the weakest determined one."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
@@ -291,13 +291,13 @@ def still(J: np.ndarray, least: float) -> np.ndarray:
     return s[~weak].min() * Vt[weak] if weak.any() and not weak.all() else Vt[:0]
 
 
-def held_still(
+def with_holding_rows(
     slopes: Callable[[np.ndarray], np.ndarray], start: np.ndarray, least: float
 ) -> tuple[np.ndarray, Any]:
-    """The rows of `still` at the start, and the derivative with these rows appended; the derivative
+    """The `holding_rows` at the start, and the derivative with these rows appended; the derivative
     at the start is computed only once."""
     first = slopes(start)
-    held = still(first, least)
+    held = holding_rows(first, least)
 
     def derivative(x: np.ndarray) -> np.ndarray:
         return np.vstack([first if np.array_equal(x, start) else slopes(x), held])

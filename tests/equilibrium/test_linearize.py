@@ -193,9 +193,9 @@ class Kernels:
             y[k + 3 : k + 7] = turned
             y[k + 7 : k + 10] += parts[1, i, 0]
             y[k + 10 : k + 13] = unrotate(turned, tuple(spin))
-        from tests.numbers import settled
+        from tests.numbers import projected
 
-        return settled(self.simulation._motion.system, 0.0, y)
+        return projected(self.simulation._motion.system, 0.0, y)
 
     def answer(self, z: np.ndarray) -> np.ndarray:
         """Accelerations of both bodies (world axes), then force and torque of each reaction."""

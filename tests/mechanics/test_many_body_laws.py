@@ -128,7 +128,7 @@ def solution(of: Dense, right: np.ndarray, load: np.ndarray) -> tuple[np.ndarray
 
 def any_state(system: Any, start: np.ndarray, seed: int, near: bool) -> np.ndarray:
     """A state on the manifold, near the start or anywhere, with random velocities."""
-    from tests.numbers import settled
+    from tests.numbers import projected
 
     rng, y = np.random.default_rng(seed), start.copy().reshape(-1, 13)
     y[:, 7:] = rng.normal(size=(len(y), 6))
@@ -136,7 +136,7 @@ def any_state(system: Any, start: np.ndarray, seed: int, near: bool) -> np.ndarr
         y[:, :3] += 0.05 * rng.normal(size=(len(y), 3))
         turns = Rotation.from_rotvec(0.1 * rng.normal(size=(len(y), 3)))
         y[:, 3:7] = (turns * Rotation.from_quat(y[:, 3:7])).as_quat()
-    return settled(system, INSTANT, y.ravel())
+    return projected(system, INSTANT, y.ravel())
 
 
 def compiled_state(name: str, seed: int) -> tuple[Any, np.ndarray]:
@@ -221,16 +221,16 @@ def test_accelerations_and_samples_are_those_of_one_dense_solve(name: str) -> No
 
 def slips(name: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Velocities after the way back to the manifold: as it finds them, as one dense solve does."""
-    from tests.numbers import settled
+    from tests.numbers import projected
 
     made, y = compiled_state(name, seed)
     y.reshape(-1, 13)[:, 7:] += np.random.default_rng(seed).normal(size=(len(y) // 13, 6))
     of = dense(made.system, y)
     expected, _ = solution(of, of.rate, of.mass @ velocities_of(y))
-    return expected, velocities_of(settled(made.system, INSTANT, y))
+    return expected, velocities_of(projected(made.system, INSTANT, y))
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_settled_velocities_are_the_nearest_in_the_metric_of_m(name: str) -> None:
+def test_projected_velocities_are_the_nearest_in_the_metric_of_m(name: str) -> None:
     expected, found = interpreted(slips, name, 3)
     assert_allclose(found, expected, rtol=0.0, atol=1e-10)

@@ -83,7 +83,7 @@ def test_samples_and_rates_agree_at_any_state(name: str) -> None:
     assert_allclose(rates[0], rates[1], rtol=0.0, atol=1e-8 * (1.0 + np.abs(rates).max()))
 
 
-def settled_from(mapping: Mapping, stretch: float, lift: float) -> tuple[float, ...]:
+def projected_from(mapping: Mapping, stretch: float, lift: float) -> tuple[float, ...]:
     """(residual off the manifold, after `project`, size of the arm that lifts are measured by,
     largest difference of a coordinate from where it was)."""
     from rb_sim.mechanics.system import project
@@ -112,7 +112,7 @@ QUATERNIONS = ["free", "fixed_point", "rolling sphere", "rolling disk", "rolling
 def test_the_residual_is_how_far_the_quaternion_is_from_length_one(
     name: str, stretch: float
 ) -> None:
-    off, back, _, gone = interpreted(settled_from, JOINTS[name], stretch, 0.0)
+    off, back, _, gone = interpreted(projected_from, JOINTS[name], stretch, 0.0)
     assert off == pytest.approx(abs((1.0 + stretch) ** 2 - 1.0), rel=1e-9)
     assert back < 1e-15 and gone < 1e-14
 
@@ -121,19 +121,19 @@ def test_the_residual_is_how_far_the_quaternion_is_from_length_one(
 @pytest.mark.parametrize("name", QUATERNIONS[2:])
 def test_the_residual_is_how_far_what_rolls_is_from_the_plane(name: str, lift: float) -> None:
     """Relative to the plane's distance from the origin and the arm to the point of contact."""
-    off, back, arm, gone = interpreted(settled_from, JOINTS[name], 0.0, lift)
+    off, back, arm, gone = interpreted(projected_from, JOINTS[name], 0.0, lift)
     assert off == pytest.approx(1e-3 / arm, rel=1e-9)
     assert back < 1e-15 and gone < 1e-14
 
 
 def maximal_from_near(mapping: Mapping) -> tuple[float, float]:
     """(residual near the manifold, after `project`) in maximal coordinates."""
-    from tests.numbers import settled
+    from tests.numbers import projected
 
     _, maximal = compiled_both(mapping)
     y = np.array(maximal.y) + 1e-4 * np.random.default_rng(2).normal(size=13)
     off = sampled(maximal, y)[-1]
-    return float(off), float(sampled(maximal, settled(maximal.system, INSTANT, y))[-1])
+    return float(off), float(sampled(maximal, projected(maximal.system, INSTANT, y))[-1])
 
 
 @pytest.mark.parametrize("name", sorted(set(JOINTS) - {"free"}))

@@ -73,7 +73,7 @@ def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) ->
             body = simulation.layout.commanded[0]
             ahead.apply_wrench(body, *chance.normal(size=(2, 3)).tolist(), frame=frame)
         if chance.random() < 0.05:
-            ahead.settle()
+            ahead.rewind()
             assert simulation.time == pytest.approx((k - 1) / RATE, abs=1e-12)
             rows.append(simulation.sample_row())
         if chance.random() < 0.5:
@@ -81,7 +81,7 @@ def walk(ahead: Ahead, simulation: Simulation, seed: int, samples: int = 150) ->
         row = ahead.next(k, 0.25, None, NO_LIMITS)
         assert row is not None
         rows.append(row)
-    ahead.settle()
+    ahead.rewind()
     return [*rows, simulation.steps, simulation.rejected_steps]
 
 
@@ -131,7 +131,7 @@ def test_what_is_due_waits_for_no_others(monkeypatch):
         stepper.look_ahead()
     assert in_time == [False] * 2 + [True] * 98  # samples 2 and 3 are a go of two
     did.clear()
-    stepper.settle()
+    stepper.rewind()
     stepper.look_ahead()
     assert did.count("packed") == 0  # nor right behind a command
 
@@ -208,7 +208,7 @@ def test_steps_are_counted_beyond_a_reset_and_a_state_that_was_set():
     for change in (stepper.reset, lambda: stepper.set_state({"top": {}}, project=True), int):
         for _ in range(20):
             assert stepper.step(0.0)
-        stepper.settle()  # without what was computed ahead
+        stepper.rewind()  # without what was computed ahead
         counts.append(stepper.steps)
         change()
         assert stepper.steps == counts[-1]

@@ -188,7 +188,7 @@ class Loop(SimulationLoop):
         self._pacer = pacer
         self._settings: Any = SimpleNamespace(real_time_factor=1.0)
         self._stepper: Any = SimpleNamespace(
-            t=0.0, t_next=PERIOD, reset=self._sampled, settle=lambda: None,
+            t=0.0, t_next=PERIOD, reset=self._sampled, rewind=lambda: None,
             set_state=lambda *_, **__: self._sampled(),
         )  # fmt: skip
         self._check_list: Any = SimpleNamespace(reset=lambda: None)

@@ -513,7 +513,7 @@ def write_joint_rows(tables, workspace, t, y):
             rows[k, j] = out[width * k + j]
 
 
-def settle_joints(tables, workspace, t, y):
+def project_joints(tables, workspace, t, y):
     """y with unit quaternions and on the manifold of the joints, in place, position first; the
     impulses that bring the velocities there are added to those that do so in the step [N s].
 
@@ -564,7 +564,7 @@ def to_end(tables, memory, workspace, y, h):
 
 def find_at_end(tables, memory, workspace, t, y, h):
     """Spots at the end of a step, where the joints hold."""
-    settle_joints(tables, workspace, t, y)
+    project_joints(tables, workspace, t, y)
     find_all_spots(tables, memory, workspace, t, y, h, True)
 
 

@@ -112,7 +112,7 @@ def save_screenshot(
     Vulkan; Mesa's software driver suffices) or the picture cannot be written.
     """
     with _viewer(recording, size) as viewer:
-        data = _settled(viewer)
+        data = _loaded_picture(viewer)
     try:
         picture.parent.mkdir(parents=True, exist_ok=True)
         picture.write_bytes(data)
@@ -127,7 +127,7 @@ def frames(recording: Path, moments: Sequence[float], size: tuple[int, int]) -> 
     """
     with _viewer(recording, size) as viewer:
         first, last = _loaded_span(viewer)
-        _settled(viewer)
+        _loaded_picture(viewer)
         views = [view.view_id for view in viewer.ask("get_state").views if view.name == MOTION]
         view = views[0] if len(views) == 1 else None
         for moment in moments:
@@ -213,7 +213,7 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _settled(viewer: _Viewer) -> bytes:
+def _loaded_picture(viewer: _Viewer) -> bytes:
     """Picture (PNG) of the recording, once it is loaded and no longer changes."""
     first, last = _loaded_span(viewer)
     moment = first + MOMENT * (last - first)

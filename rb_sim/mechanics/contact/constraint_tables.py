@@ -117,7 +117,7 @@ LAYOUT = Layout(
         "carry_law": INTEGER,
         "free_by_address": INTEGER,
         "accelerate_by_address": INTEGER,
-        "settle_by_address": INTEGER,
+        "project_by_address": INTEGER,
     }
 )
 """Fields as of ContactBodies; `inputs` of the laws of the scene, `workspace` for their results;

@@ -67,7 +67,7 @@ class Kept(NamedTuple):
     """sign of turning about the normal."""
     velocity_tolerance: float
     """slip that is but rounding [m/s]."""
-    still_turn: float
+    turn_tolerance: float
     """turning that is but rounding [rad/s]."""
 
 
@@ -206,7 +206,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     per_normal, direct = where(sliding, per_normal, ZERO), where(sliding, direct, ZERO)
     modes = (kept.roll, kept.spin)
     torque = resisting(
-        row.resistance, g.turn, n, modes, kept.roll_direction, kept.spin_sign, kept.still_turn
+        row.resistance, g.turn, n, modes, kept.roll_direction, kept.spin_sign, kept.turn_tolerance
     )
     per_normal, torque = scale(kept.side, per_normal), scale(kept.side, torque)
     force_rows = [values[:12] for values in rows]

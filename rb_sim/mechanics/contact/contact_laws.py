@@ -297,6 +297,6 @@ class ContactLaws:
             **{name: law.address if law else 0 for name, law in zip(names, laws, strict=True)},
             "free_by_address": free.address,
             "accelerate_by_address": accelerate.address,
-            "settle_by_address": bring_back.address,
+            "project_by_address": bring_back.address,
         }
         return LAYOUT.pack(values), (values, laws)

@@ -179,15 +179,15 @@ def contact_rate(system, t, y, dy):
 
 
 @project.register(ContactBodies)
-def contact_settle(system, t, y):
+def contact_project(system, t, y):
     """Interpreted: see `bring_to_manifold`."""
     return bring_to_manifold(system, t, y)
 
 
 @project.register(PackedSystem)
-def settle_by_address(system, t, y):
+def project_by_address(system, t, y):
     """Compiled: the function whose address the system holds."""
-    call_law(system.settle_by_address, t, pointer(y), address(system), pointer(system.workspace))
+    call_law(system.project_by_address, t, pointer(y), address(system), pointer(system.workspace))
     return y
 
 

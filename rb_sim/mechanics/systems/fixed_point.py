@@ -81,7 +81,7 @@ def pivot_dynamics(system, t, y):
 
 
 @project.register(FixedPointBody)
-def pivot_settle(system, t, y):
+def pivot_project(system, t, y):
     """y with the quaternion normalised."""
     return unit_if_needed(y[0:4]) + y[4:7]
 

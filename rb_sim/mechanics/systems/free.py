@@ -79,7 +79,7 @@ def unit_if_needed(q):
 
 
 @project.register(FreeBody)
-def free_settle(system, t, y):
+def free_project(system, t, y):
     """y with the quaternion normalised."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:13]
 
@@ -197,7 +197,7 @@ def rotor_dynamics(system, t, y):
 
 
 @project.register(FreeRotor)
-def rotor_settle(system, t, y):
+def rotor_project(system, t, y):
     """y with the quaternion normalised and the angular velocity projected onto its polhode."""
     return y[0:3] + unit_if_needed(y[3:7]) + y[7:10] + on_polhode(system, y[10:13])
 
@@ -270,7 +270,7 @@ def start_spins(system: MultiBody, y: Any) -> MultiBody:
 STARTS[MultiBody] = start_spins
 
 
-def settle_spins(system: MultiBody, y: list[Any]) -> None:
+def project_spins(system: MultiBody, y: list[Any]) -> None:
     """Project the angular velocities onto their polhodes, in place; only the change is rotated to
     body axes."""
     for spin in system.spins:

@@ -125,7 +125,7 @@ def rolling_dynamics(system, t, y):
 
 
 @project.register(RollingBody)
-def rolling_settle(system, t, y):
+def rolling_project(system, t, y):
     """y with a unit quaternion and the height at which the surface touches the plane."""
     q = unit_if_needed(y[3:7])
     gamma = unrotate(q, system.normal)
