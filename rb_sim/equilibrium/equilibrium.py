@@ -19,6 +19,7 @@ axis and of welds [N m].
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -139,6 +140,26 @@ class Equilibrium:
         total = self.active.copy()
         total[:, 3:] += np.cross(self.poles - self.centres, total[:, :3])
         return total
+
+
+def points_of_application(
+    bodies: tuple[str, ...],
+    centres: Array,
+    elements: Iterable[Element],
+    pushed: Iterable[tuple[str, Array]] = (),
+) -> dict[str, list[Array]]:
+    """Points at which elements and loads act on each body, its centre first, world [m].
+
+    centres: of mass, world [m], (n, 3). pushed: body and point of each force that acts at a point.
+    """
+    points = {body: [centre] for body, centre in zip(bodies, centres, strict=True)}
+    for body, point in pushed:
+        points[body].append(point)
+    for element in elements:
+        points[element.body].append(element.anchor_W)
+        if element.parent is not None:
+            points[element.parent].append(element.parent_anchor_W)
+    return points
 
 
 def poles_of(bodies: tuple[str, ...], points: dict[str, list[Array]]) -> Array:

@@ -44,6 +44,7 @@ from rb_sim.equilibrium.equilibrium import (
     Bound,
     Element,
     Equilibrium,
+    points_of_application,
     poles_of,
     put_together,
     tangents,
@@ -230,14 +231,8 @@ def at_rest(scene: Scene) -> Equilibrium:
     loads = list(active_loads(scene, place, states))
     bodies = tuple(scene.bodies)
     centres = np.array([states[name].p_WC for name in bodies])
-    points = {name: [np.array(states[name].p_WC)] for name in bodies}
-    for load in loads:
-        if load.pushes:
-            points[load.body].append(load.point)
-    for element in elements:
-        points[element.body].append(element.anchor_W)
-        if element.parent is not None:
-            points[element.parent].append(element.parent_anchor_W)
+    pushed = [(load.body, load.point) for load in loads if load.pushes]
+    points = points_of_application(bodies, centres, elements, pushed)
     poles, wrenches = poles_of(bodies, points), np.zeros((len(bodies), 6))
     for load in loads:
         row = bodies.index(load.body)

@@ -24,7 +24,14 @@ import numpy as np
 from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.contact import Touching
 from rb_sim.catalogue.spec import WORLD, BodyState
-from rb_sim.equilibrium.equilibrium import Array, Element, Equilibrium, poles_of, put_together
+from rb_sim.equilibrium.equilibrium import (
+    Array,
+    Element,
+    Equilibrium,
+    points_of_application,
+    poles_of,
+    put_together,
+)
 from rb_sim.equilibrium.statics import solved
 from rb_sim.equilibrium.statics_of_scene import (
     Standing,
@@ -88,11 +95,8 @@ def equilibrium_at(run: Trajectory, sample: int, whole: bool) -> Equilibrium:
     """
     bodies, states = run.layout.bodies, states_at(run, sample)
     elements = tuple(elements_at(run, sample, states, whole))
-    points = {name: [np.array(states[name].p_WC)] for name in bodies}
-    for element in elements:
-        points[element.body].append(element.anchor_W)
-        if element.parent is not None:
-            points[element.parent].append(element.parent_anchor_W)
+    centres = np.array([states[name].p_WC for name in bodies])
+    points = points_of_application(bodies, centres, elements)
     poles, loads = poles_of(bodies, points), np.zeros((len(bodies), 6))
     for element in elements:
         reaction = run.reaction[element.name]
@@ -103,7 +107,6 @@ def equilibrium_at(run: Trajectory, sample: int, whole: bool) -> Equilibrium:
                 loads[row, :3] += sign * force
                 arm = reaction.anchor[sample] - poles[row]
                 loads[row, 3:] += sign * (torque + np.cross(arm, force))
-    centres = np.array([states[name].p_WC for name in bodies])
     return put_together(bodies, elements, points, loads, centres)
 
 
