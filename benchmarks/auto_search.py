@@ -169,7 +169,7 @@ def searched(mapping: Mapping, beyond: float) -> tuple[str, bool]:
     tolerance = local_tolerance(target)
     first = pilot(truth, tolerance, beyond) or sharpest(truth, tolerance)
     truth.limit = beyond
-    true = checked_run(truth, first, pose_within(target, truth), beyond)
+    true = checked_run(truth, first, pose_within(target), beyond)
     rows, _ = truth.sampled(choice.setting)
     error = float(pose_difference(rows, true.rows, compiled.layout).max())
     known = true.agreement < 0.3 * float(options.tolerance or 0.0)

@@ -160,7 +160,7 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     dear = budget > ONE_SECOND
     runner.limit = runner.purse = budget
     share = DEAR_CHECK if dear else CHECK
-    enough = pose_within(share * aim, runner)
+    enough = pose_within(share * aim)
     true = checked_run(runner, first, enough, budget - one if dear else 0.6 * budget)
     left = 0.5 * (budget - runner.spent)  # a second trial that is broken off would tell nothing
     moved = from_one_ulp_apart(runner, true.setting, 1 if dear else 2, left)

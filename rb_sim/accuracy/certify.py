@@ -167,7 +167,7 @@ def two_runs(runner: Runner, setting: Setting, rows: Array, budget: float) -> Ch
     return as_far_as_events_go(runner, sharp or sharpest(runner, tolerance), own)
 
 
-def within_error_of(run: Array, runner: Runner) -> Excess:
+def within_error_of(rows: Array, runner: Runner) -> Excess:
     """How far two runs are apart over what is enough: a tenth of the error of the run of these
     rows, or what rounding leaves.
 
@@ -176,9 +176,11 @@ def within_error_of(run: Array, runner: Runner) -> Excess:
     """
     layout = runner.compiled.layout
 
-    def excess(rows: Array, other: Array) -> float:
-        apart, error = (distances(each, rows, layout).max(axis=0)[:FORCE] for each in (other, run))
-        values = [np.abs(part).max(initial=0.0) for part in parts(rows, layout)]
+    def excess(run: CheckedRun) -> float:
+        apart, error = (
+            distances(each, run.rows, layout).max(axis=0)[:FORCE] for each in (run.other, rows)
+        )
+        values = [np.abs(part).max(initial=0.0) for part in parts(run.rows, layout)]
         enough = np.maximum(SHARPER * error, LAST_BITS * np.array(values)[:FORCE])
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(apart > 0.0, apart / enough, 0.0)

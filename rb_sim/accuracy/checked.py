@@ -81,14 +81,13 @@ def pair(runner: Runner, setting: Setting, checker: Setting) -> CheckedRun:
     return CheckedRun(rows, other, setting, checker, gaps, runner.duration / max(1, steps))
 
 
-Excess = Callable[[Array, Array], float]
-"""How far two runs of these rows are apart, over what is enough."""
+Excess = Callable[[CheckedRun], float]
+"""How far the two runs are apart, over what is enough."""
 
 
-def pose_within(target: float, runner: Runner) -> Excess:
+def pose_within(target: float) -> Excess:
     """The excess of the pose over a target [rad, m]."""
-    layout = runner.compiled.layout
-    return lambda rows, other: float(pose_difference(other, rows, layout).max()) / target
+    return lambda run: run.agreement / target
 
 
 def local_tolerance(target: float) -> float:
@@ -173,14 +172,15 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
     that would go beyond it.
     """
     duration = runner.duration
-    (rows, steps), sharp_cost = timed(runner, sharp)
+    (_, steps), sharp_cost = timed(runner, sharp)
     mean_step = duration / max(1, steps)
     left = max(budget - runner.spent, sharp_cost)
     step = min(max(DEARER * sharp_cost / left, 0.25), 1.0) * mean_step
-    checker, other, checker_cost = first_to_end(runner, sharp, dividing(step, duration), budget)
+    checker, checker_cost = first_to_end(runner, sharp, dividing(step, duration), budget)
 
-    best, before = pair(runner, sharp, checker), excess(rows, other)
-    least, checker_next, stalled = before, True, 0
+    latest = best = pair(runner, sharp, checker)
+    least = before = excess(best)
+    checker_next, stalled = True, 0
     for _ in range(REFINEMENTS):
         left = (budget - runner.spent) / (checker_cost if checker_next else sharp_cost)
         patience = STALLED if best.agreement < DECORRELATED else REFINEMENTS
@@ -189,16 +189,17 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
         if checker_next:
             finer = refined(checker, before, duration, 1.0 / left)
         else:
-            finer = sharper(sharp, duration / max(1, steps), duration)
+            finer = sharper(sharp, latest.mean_step, duration)
         if left < 2.0 or runner.beyond(finer):
             return best._replace(out_of_time=True)
         if checker_next:
             checker = finer
-            (other, _), checker_cost = timed(runner, checker)
+            _, checker_cost = timed(runner, checker)
         else:
             sharp = finer
-            (rows, steps), sharp_cost = timed(runner, sharp)
-        now, latest = excess(rows, other), pair(runner, sharp, checker)
+            _, sharp_cost = timed(runner, sharp)
+        latest = pair(runner, sharp, checker)
+        now = excess(latest)
         if (reach(latest.gaps), -now) > (reach(best.gaps), -least):
             best, least = latest, now
         if now < 0.5 * before:
@@ -212,8 +213,8 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
 
 def first_to_end(
     runner: Runner, sharp: Setting, step: float, budget: float
-) -> tuple[Setting, Array, float]:
-    """(setting, rows, counted time [s]) of the first run that may confirm another and comes to the
+) -> tuple[Setting, float]:
+    """(setting, counted time [s]) of the first run that may confirm another and comes to the
     end, or of the last tried.
 
     budget: of the runner, after which no further fixed step is tried [s].
@@ -226,7 +227,7 @@ def first_to_end(
         setting, ((rows, _), cost) = each, timed(runner, each)
         if np.isfinite(rows[-1]).all():
             break
-    return setting, rows, cost
+    return setting, cost
 
 
 def independent_of(sharp: Setting, step: float, system: Any) -> Iterator[Setting]:

@@ -106,7 +106,7 @@ def reference(runner: Runner, budget: float) -> Reference:
     """
     first = pilot(runner, TIGHTEST, budget) or sharpest(runner, TIGHTEST)
     runner.limit = math.inf
-    run = checked_run(runner, first, pose_within(4.0 * EPS, runner), 0.6 * budget)
+    run = checked_run(runner, first, pose_within(4.0 * EPS), 0.6 * budget)
     layout = runner.compiled.layout
     moved = from_one_ulp_apart(runner, run.setting, TRIALS, budget - runner.spent)
     growth = largest_errors(moved, run.rows, layout)
