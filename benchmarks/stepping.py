@@ -25,8 +25,8 @@ REPEATS = 3
 """Runs of one measurement; the fastest counts."""
 
 
-def compiled(scene: str, method: str, step: float) -> Any:
-    """The simulation of a scene file in fixed steps [s], compiled."""
+def compiled(scene: Any, method: str, step: float) -> Any:
+    """The simulation of a scene, file or mapping, in fixed steps [s], compiled."""
     from rb_sim import Simulation, load_scene  # the revision's own
 
     simulation = Simulation(load_scene(scene, method=method, step=step))

@@ -9,16 +9,15 @@
 
 """What a time step with few contacts costs: `python -m benchmarks.contact.few`.
 
-Told is the CPU time of a step, the least of several runs, and its ratio to that of a table at rest,
-whose impulses are those of the step before.
+It prints the CPU time of a step, the least of several runs, and its ratio to that of a table at
+rest, whose impulses are those of the step before.
 """
 
 from __future__ import annotations
 
-import argparse
-import time
 from typing import Any
 
+from benchmarks.stepping import compiled, nanoseconds
 from tests.contact.scenes import box, scene, touch
 from tests.contact.stepping.test_least_shares import MU, clamped
 
@@ -58,30 +57,13 @@ def scenes() -> dict[str, dict[str, Any]]:
     }
 
 
-def cost(mapping: dict[str, Any], runs: int) -> float:
-    """CPU microseconds of a step."""
-    from rb_sim import Simulation, load_scene
-
-    simulation = Simulation(load_scene(mapping, method="time_stepping", step=STEP), announce=None)
-    simulation.warm()
-    least = float("inf")
-    for _ in range(runs):
-        simulation.reset()
-        began = time.process_time()
-        simulation.advance(COUNT * STEP)
-        least = min(least, time.process_time() - began)
-    return 1e6 * least / COUNT
-
-
 def main() -> None:
     """Print a row for each scene."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=5, help="of each scene")
-    runs = parser.parse_args().runs
     print(HEAD)
     unit = 0.0
     for name, mapping in scenes().items():
-        found = cost(mapping, runs)
+        simulation = compiled(mapping, "time_stepping", STEP)
+        found = 1e-3 * nanoseconds(simulation, STEP, COUNT)
         unit = unit or found
         print(f"| {name} | {found:.1f} | {found / unit:.1f} |", flush=True)
 

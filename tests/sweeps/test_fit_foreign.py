@@ -63,8 +63,9 @@ def attitude(t: float):
     return np.array([0.0, 0.0, np.sin(SPIN * t / 2), np.cos(SPIN * t / 2)])
 
 
-def poses(make=foreign.pose_stamped, topic: str = "/cart/pose"):
-    x, _ = along(T)
+def poses(make=foreign.pose_stamped, topic: str = "/cart/pose", unit: float = 1.0):
+    """unit: numbers of the positions in a metre."""
+    x = unit * along(T)[0]
     return [(t, topic, *make(t, [x[k], 0.0, 0.0], attitude(t))) for k, t in enumerate(T)]
 
 
@@ -145,10 +146,7 @@ def test_a_bag_without_the_commands_of_the_scene_is_told_to_have_none(tmp_path, 
 @pytest.mark.parametrize("times, unit", [(1000.0, "mm"), (100.0, "cm")])
 def test_poses_in_other_units_are_not_fitted(tmp_path, times, unit):
     """The mass of a model that is too heavy would be moved until its size fits."""
-    x, _ = along(T)
-    large = [(t, "/cart/pose", *foreign.pose_stamped(t, [times * x[k], 0.0, 0.0], attitude(t)))
-             for k, t in enumerate(T)]  # fmt: skip
-    bag = write(tmp_path / "bag", large, pushes())
+    bag = write(tmp_path / "bag", poses(unit=times), pushes())
     with pytest.raises(RbSimError, match=f"cart: .* is the recording in {unit}"):
         fit(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 1.3 * M))
 
