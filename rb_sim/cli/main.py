@@ -91,7 +91,9 @@ def _refuse_empty(args: list[str]) -> None:
     for before, word in zip(["", *args], args, strict=False):
         if not word or re.fullmatch(r"--[\w-]+=", word):
             option = before if before.startswith("-") and before != "--" else "an argument"
-            raise typer.BadParameter("an empty text", param_hint=word.rstrip("=") or option)
+            raise typer.BadParameter(
+                "is empty; must have a value", param_hint=word.rstrip("=") or option
+            )
 
 
 def _without_types(params: list[Any]) -> list[Any]:
@@ -115,6 +117,7 @@ def _complain(error: Any) -> int:
         error.show()
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
+    message = re.sub(r"^Invalid value for '?(.+?)'?: ", r"\1: ", message)
     message = NEAREST.sub(r" (did you mean \1?)", message).replace("argument(s)", "argument")
     if message.startswith("No such option") and context is not None:
         message = f"No such option: {error.option_name}{_nearest_option(error, context)}"

@@ -104,7 +104,7 @@ def test_a_wrong_start_is_one_line(sphere, tmp_path: Path):
     said = subprocess.run(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ).stdout
-    *parts, rest = said.split("ended with 1\n")
+    *parts, rest = said.split("ended with 2\n")
     assert rest == "" and len(parts) == len(REFUSED), said
     for part, (_, words) in zip(parts, REFUSED, strict=True):
         (line,) = [line for line in part.splitlines() if "[INFO]" not in line]
