@@ -126,7 +126,7 @@ def _complain(error: Any) -> int:
     verb = NO_COMMAND.fullmatch(message)
     if verb is not None and context is not None:  # older versions of typer suggest none
         near = get_close_matches(verb[1], context.command.list_commands(context), n=1)
-        message += f" (did you mean {near[0]}?)" if near else ""
+        message += f" (did you mean {near[0]}?)" if near else _scene_to_run(verb[1])
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
@@ -137,6 +137,17 @@ def _nearest_option(error: Any, context: Any) -> str:
     options = [opt for param in context.command.params for opt in param.opts if opt[:2] == "--"]
     near = meant(error.option_name.lstrip("-").replace("-", "_"), [o[2:] for o in options])
     return f" (did you mean --{near}?)" if near else ""
+
+
+def _scene_to_run(word: str) -> str:
+    """A hint for a scene in the place of a command; "" for another word."""
+    from rb_sim.scene.listing import find_scene
+
+    try:
+        find_scene(word)
+    except RbSimError:
+        return ""
+    return f" ({word} is a scene: rb_sim run {word})"
 
 
 MOST_VERBS = 3

@@ -148,6 +148,8 @@ def _without_ros_arguments(given: list[str]) -> list[str]:
 def _ros_error(error: Exception) -> RbSimError:
     """Error message of rcl without source locations."""
     text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
+    if (rule := re.search(r"parse parameter override rule: '(.*?)'", text)) is not None:
+        return RbSimError(f"got {rule[1]!r}; must be -p NAME:=VALUE")
     return RbSimError(f"ROS refused to start: {text}")
 
 

@@ -132,6 +132,7 @@ def test_bad_scene(name, tmp_path):
         ),
         (("statics", "nowhere"), "error: nowhere: does not exist; a scene must be"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
+        (("heavy_top",), "error: No such command 'heavy_top' (heavy_top is a scene: rb_sim run"),
         (("replay", "/no"), "error: /no: no such bag"),
         (("recover", "/no"), "error: /no: no such bag"),
         (

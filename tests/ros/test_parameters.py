@@ -78,6 +78,7 @@ REFUSED: list[tuple[list[str] | dict[str, object], str]] = [
     (["missing.yaml"], "missing.yaml"),
     (["--what"], "must be SCENE"),
     (["heavy_top", "bogus"], "got 'bogus'; must be SCENE"),
+    (["heavy_top", "--ros-args", "-p", "rate=5"], "got '-p rate=5'; must be -p NAME:=VALUE"),
     (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
     ({"out": "x" * 300}, "parameter out: xxx"),
     ({"out": "file/out"}, "file/out/bag: cannot record here"),
