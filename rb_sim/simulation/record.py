@@ -67,6 +67,10 @@ class Reaction(NamedTuple):
     anchor: Array
     """Anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
 
+    def __repr__(self) -> str:  # a run has dozens of them, of a thousand rows each
+        force, torque, anchor = map(np.shape, self)
+        return f"<Reaction: force {force} N, torque {torque} N m, anchor {anchor} m>"
+
 
 class Record:
     """Samples of a run by name, and the scene that moved; see `Trajectory`."""

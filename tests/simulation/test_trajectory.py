@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rb_sim import AccuracyWarning, RbSimError, Trajectory, load_scene
+from rb_sim import AccuracyWarning, RbSimError, Simulation, Trajectory, load_scene
 from rb_sim.base.errors import Finding
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
@@ -157,6 +157,12 @@ def test_folders_are_made_and_errors_are_one_line(run, tmp_path):
         with pytest.raises(RbSimError, match=f"run.pdf: the name must end in .{ending}"):
             write(tmp_path / "run.pdf")
         assert not (tmp_path / "run.pdf").exists()
+
+
+def test_reactions_print_their_shapes():
+    printed = str(Simulation("pendulum").run(1.0).reaction)
+    shapes = "<Reaction: force (101, 3) N, torque (101, 3) N m, anchor (101, 3) m>"
+    assert f"'hinge': {shapes}" in printed and "[" not in printed
 
 
 def test_repr_counts_events():
