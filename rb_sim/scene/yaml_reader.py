@@ -61,8 +61,8 @@ _ALLOWED = {
     "less_than": "a number < {lt:g}",
     "less_than_equal": "a number <= {le:g}",
     "string_too_long": "a text of at most {max_length} characters",
-    "too_short": "a list of at least {min_length} entries",
-    "too_long": "a list of at most {max_length} entries",
+    "too_short": "a list or a mapping of at least {min_length} entries",
+    "too_long": "a list or a mapping of at most {max_length} entries",
 }
 """Allowed values by pydantic's type of error, with fields from the error's context."""
 

@@ -317,7 +317,7 @@ def _one_number(expression: Expression, value: Any) -> float:
     if isinstance(value, (str, Mapping)):
         what = "no number"
     elif np.ndim(value):
-        what = f"{len(value)} values"
+        what = "a list, as over the samples"
     else:
         return float(value)
     allowed = "must give one number: take its max(), min(), rms(), last() ..."

@@ -273,7 +273,8 @@ def test_a_run_that_takes_too_long_is_given_up_and_says_so(tmp_path: Path) -> No
     ("changes", "message"),
     [
         ({"bodies": {}}, "is a scene; a plan names one"),
-        ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives"),
+        ({"outputs": {"z": "position.stone.z"}}, "outputs.z: gives a list, as over the samples"),
+        ({"vary": {}}, "vary: got {}; must be a list or a mapping of at least 1 entries"),
         ({"outputs": {"z": "max(position.stein.z)"}}, "must be stone"),
         ({"outputs": {"z": "max(energy.x)"}}, "'x' must be omitted: it is a number"),
         ({"outputs": {"z": "max(position.stone[2])"}}, "components are .x, .y, .z"),
