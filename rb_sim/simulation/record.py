@@ -68,7 +68,7 @@ class Reaction(NamedTuple):
     """Anchor or contact point; of an effect the centre of mass; world [m], shape (n, 3)."""
 
     def __repr__(self) -> str:  # a run has dozens of them, of a thousand rows each
-        force, torque, anchor = map(np.shape, self)
+        force, torque, anchor = (x[0] if len(x) == 1 else x.shape for x in self)
         return f"<Reaction: force {force} N, torque {torque} N m, anchor {anchor} m>"
 
 

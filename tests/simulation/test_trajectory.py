@@ -163,6 +163,8 @@ def test_reactions_print_their_shapes():
     printed = str(Simulation("pendulum").run(1.0).reaction)
     shapes = "<Reaction: force (101, 3) N, torque (101, 3) N m, anchor (101, 3) m>"
     assert f"'hinge': {shapes}" in printed and "[" not in printed
+    sample = Simulation("pendulum").sample().reaction["hinge"]
+    assert str(sample.force[0]) in str(sample)
 
 
 def test_repr_counts_events():
