@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import Finding, RbSimError, SimulationError
-from rb_sim.checks.check import Look, Run, Seen
+from rb_sim.checks.check import Checker, CheckInput, Run
 from rb_sim.checks.violation import coordinates
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.graph.machine import evaluate_rows
@@ -346,11 +346,11 @@ class SingularConfiguration(NamedTuple):
         )
 
 
-def rank(run: Run) -> Look:
+def rank(run: Run) -> Checker:
     """The first singular configuration."""
     followed: Conditioning | None = None
 
-    def look(seen: Seen) -> Iterator[Finding]:
+    def look(seen: CheckInput) -> Iterator[Finding]:
         nonlocal followed
         if followed is None:  # its laws are made where samples come
             followed = Conditioning(*run)

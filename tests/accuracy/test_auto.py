@@ -160,12 +160,12 @@ def test_no_run_goes_beyond_the_purse() -> None:
     """A fixed step whose price is known is not begun, an adaptive run is broken off."""
     scene = shipped("pendulum", duration=2e3)
     runner = Runner(compile_scene(scene), 2e3, sample_times(scene.simulation))
-    runner.purse = 5e-3
+    runner.total_limit = 5e-3
     rows, steps = runner.sampled(Setting("rk4", step=1e-4))
-    assert runner.broken_off and steps == 0 and runner.spent == 0.0
+    assert runner.stopped and steps == 0 and runner.spent == 0.0
     assert np.isnan(rows).all()
     runner.sampled(Setting("dopri853", tolerance=1e-12))
-    assert runner.broken_off and runner.spent < 1.3 * runner.purse
+    assert runner.stopped and runner.spent < 1.3 * runner.total_limit
     assert runner.known_cost(Setting("dopri853", tolerance=1e-12)) == 0.0  # not infinite
 
 
@@ -373,7 +373,7 @@ def test_two_runs_that_err_alike_are_told_apart_by_a_third() -> None:
     growth = max(
         auto.apart(rows, base, runner) for rows in auto.from_one_ulp_apart(runner, setting, 1)
     )
-    assert 0.5 * error < auto.by_chance(runner, alike, growth) < 2.0 * error
+    assert 0.5 * error < auto.change_when_sharper(runner, alike, growth) < 2.0 * error
     assert error > 1e-7
 
 
