@@ -182,12 +182,12 @@ def sizes_of_pair(pair: Any, length: float) -> list[float]:
 
 
 def addresses(found: Sequence[Any]) -> np.ndarray:
-    """Addresses of laws as loops take them; interpreted, the laws themselves."""
+    """Addresses of laws for loops; interpreted, the laws themselves."""
     return np.array(found, object if interpreted() else np.int64)
 
 
 SLIPS = (0.01, 1.0, 30.0)
-"""[m/s]: speeds at which a law of friction is looked at."""
+"""Speeds at which a friction law is tested [m/s]."""
 ALONG = ((1.0, 0.0, 0.0), (0.0, 0.6, -0.8), (-0.36, 0.48, 0.8))
 
 
