@@ -417,7 +417,7 @@ class ContactMotion(GridMotion):
         except SimulationError:
             if np.isfinite(self._grid.y1).all():
                 last = [self._grid.t1], self._grid.y1[None, :]
-                refuse_sunk(self.compiled.sides, *last, self.system.length)
+                refuse_sunk(self.compiled.sides, *last)
             raise
 
     def _advance(self, times: Array, stop: float, out: Array | None) -> None:
