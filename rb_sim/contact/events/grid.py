@@ -425,18 +425,20 @@ def advance_grid(method, system, grid, stop, work):
 
 
 def branch(method, system, grid, t, work, y, c):
-    """y = the state at t, by one step from t0; c is work space."""
+    """y = the state at t, by one step from t0, whose error in units of the tolerance is returned; c
+    is work space."""
     copy(y, grid.y0)
     copy(c, grid.c0)
-    increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
+    error = attempt(method, system, grid.t0, grid.y0, t - grid.t0, work)
     add_increment(y, c, work)
     project(system, t, y)
+    return error
 
 
 def reach(method, system, grid, t, work, y, c):
     """As `branch`, in 2, 4 .. PARTS equal steps where one gives no finite state: an implicit method
     may have no solution in one step to t though it has one in the step to t1."""
-    branch(method, system, grid, t, work, y, c)
+    error = branch(method, system, grid, t, work, y, c)
     parts = 2
     while parts <= PARTS and not finite(y):
         copy(y, grid.y0)
@@ -447,6 +449,7 @@ def reach(method, system, grid, t, work, y, c):
             add_increment(y, c, work)
             project(system, grid.t0 + (i + 1) * h, y)
         parts *= 2
+    return error
 
 
 def state_at(method, system, grid, t, work):
