@@ -436,16 +436,21 @@ def branch(method, system, grid, t, work, y, c):
 
 
 def reach(method, system, grid, t, work, y, c):
-    """As `branch`, in 2, 4 .. PARTS equal steps where one gives no finite state: an implicit method
-    may have no solution in one step to t though it has one in the step to t1."""
+    """As `branch`, in 2, 4 .. PARTS equal steps where one keeps the tolerance less than they do, or
+    has no finite state.
+
+    The step to t1 may keep it and a shorter one not, whose stages are nearer to where a rim lies
+    flat or a slip turns; an implicit method may have no solution in one step to t.
+    """
     error = branch(method, system, grid, t, work, y, c)
-    parts = 2
-    while parts <= PARTS and not finite(y):
+    parts, last = 2, FREE
+    while parts <= PARTS and not (finite(y) and (error <= 1.0 or error >= last)):
+        last = error if error < FREE else FREE
         copy(y, grid.y0)
         copy(c, grid.c0)
-        h = (t - grid.t0) / parts
+        h, error = (t - grid.t0) / parts, 0.0
         for i in range(parts):
-            increment(method, system, grid.t0 + i * h, y, h, work)
+            error = max(error, attempt(method, system, grid.t0 + i * h, y, h, work))
             add_increment(y, c, work)
             project(system, grid.t0 + (i + 1) * h, y)
         parts *= 2
