@@ -18,6 +18,7 @@ Momentum is not balanced with contacts: their forces jump and strike between sam
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -113,6 +114,14 @@ def _joints_move(scene: Scene) -> bool:
     return any(getattr(spec, "rate", 0.0) for spec in constraints)
 
 
+def contacts_may_give(scene: Scene) -> bool:
+    """Whether contacts may do work on the bodies by right: a support that moves, or gives back."""
+    return any(
+        getattr(spec, "motion", None) or getattr(spec, "compliance", None) or spec.type == "string"
+        for spec in contacts_of(scene).values()
+    )
+
+
 def unknown_force(scene: Scene) -> str:
     """Name of the first effect that exerts an outer force that the samples do not contain; or
     ""."""
@@ -139,9 +148,10 @@ class Exchanged:
     none. What an error makes, a spring that gains without end, is in none of the three.
     """
 
-    def __init__(self, given: float = 0.0) -> None:
+    def __init__(self, given: float = 0.0, contacts_give: bool = True) -> None:
         """given: kinetic energy of the velocities that the scene gives, before constraints take
-        theirs [J]; what is left of them then may be rounding."""
+        theirs [J]; what is left of them then may be rounding. contacts_give: whether they may."""
+        self._contacts_give = contacts_give
         self._given = ROUNDING**2 * given
         self._kinetic = self._fall = self._contacts = self._noise = 0.0
         self._loads = 0.0
@@ -155,7 +165,9 @@ class Exchanged:
             self._kinetic = float(block.kinetic_energy[0])
             self._noise = self._roundings(block)
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
-        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
+        work = block.contact_work
+        exchanged = np.abs(work) if self._contacts_give else -work
+        self._contacts = max(self._contacts, float(exchanged.max()))
 
     def _roundings(self, block: SampleBlock) -> float:
         """Energy that the loads at the start make of a rounding of the places where they act."""
@@ -356,7 +368,9 @@ class Ledger:
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
         given = np.array([_given(scene.bodies[name]) for name in layout.bodies])
-        self._energies = Exchanged(float(given[:, 2].sum()))
+        self._contacts_give = contacts_may_give(scene)
+        self._energies = Exchanged(float(given[:, 2].sum()), self._contacts_give)
+        self._least_contact_work, self._gained = math.inf, 0.0
         self._given = given[:, :2].sum(axis=0)
         self._momentum_noise = np.zeros(2)
         self._largest = np.zeros(2)
@@ -376,6 +390,9 @@ class Ledger:
         self.worst_residual = max(self.worst_residual, block.worst_residual)
         self._energies.add(block)
         self._events.add(block.events)
+        if not self._contacts_give:
+            self._gained = max(self._gained, float(self.gains(block).max()))
+            self._least_contact_work = min(self._least_contact_work, block.contact_work.min())
         power = smooth_power(block, self._scene, self._layout)
         missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
         # a pulse between two samples, and a body that sticks at each and slips between, show none
@@ -433,6 +450,18 @@ class Ledger:
             return 0.0
         *_, size = self._work.total()
         return self._energies.scale(float(size[0]))
+
+    @property
+    def gained(self) -> float:
+        """The most that contacts have given back of what they had taken [J]; by their laws they
+        give nothing, but for supports that move or yield, of which it is 0."""
+        return self._gained
+
+    def gains(self, block: SampleBlock) -> Array:
+        """What contacts have given up to each of the next samples [J], shape (n,)."""
+        work = block.contact_work
+        gains: Array = work - np.minimum(self._least_contact_work, np.minimum.accumulate(work))
+        return gains
 
     @property
     def at_rest(self) -> float:
