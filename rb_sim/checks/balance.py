@@ -17,6 +17,7 @@ between samples.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -109,6 +110,14 @@ def _joints_move(scene: Scene) -> bool:
     return any(getattr(spec, "rate", 0.0) for spec in constraints)
 
 
+def contacts_may_give(scene: Scene) -> bool:
+    """Whether contacts may do positive work by their laws: driven or compliant supports."""
+    return any(
+        getattr(spec, "motion", None) or getattr(spec, "compliance", None) or spec.type == "string"
+        for spec in contacts_of(scene).values()
+    )
+
+
 def unknown_force(scene: Scene) -> str:
     """Name of the first effect with an external force that is not among the samples; or ""."""
     for name, effect in scene.effects.items():
@@ -131,9 +140,11 @@ class Exchanged:
     """Scale of the energy error: initial kinetic energy, largest fall of the potential, and work of
     loads without a potential. Energy that an error creates is in none of these."""
 
-    def __init__(self, given: float = 0.0) -> None:
+    def __init__(self, given: float = 0.0, contacts_give: bool = True) -> None:
         """given: kinetic energy of the scene's velocities before they are projected onto the
-        constraints [J]; the rest after projection may be rounding."""
+        constraints [J]; the rest after projection may be rounding. contacts_give: whether contacts
+        may do positive work by their laws."""
+        self._contacts_give = contacts_give
         self._given = ROUNDING**2 * given
         self._kinetic = self._fall = self._contacts = self._noise = 0.0
         self._loads = 0.0
@@ -147,7 +158,9 @@ class Exchanged:
             self._kinetic = float(block.kinetic_energy[0])
             self._noise = self._roundings(block)
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
-        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
+        work = block.contact_work
+        exchanged = np.abs(work) if self._contacts_give else -work
+        self._contacts = max(self._contacts, float(exchanged.max()))
 
     def _roundings(self, block: SampleBlock) -> float:
         """Energy by which the initial loads change it if their points are rounded [J]."""
@@ -345,7 +358,9 @@ class Ledger:
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
         given = np.array([_given(scene.bodies[name]) for name in layout.bodies])
-        self._energies = Exchanged(float(given[:, 2].sum()))
+        self._contacts_give = contacts_may_give(scene)
+        self._energies = Exchanged(float(given[:, 2].sum()), self._contacts_give)
+        self._least_contact_work, self._gained = math.inf, 0.0
         self._given = given[:, :2].sum(axis=0)
         self._momentum_noise = np.zeros(2)
         self._largest = np.zeros(2)
@@ -366,6 +381,9 @@ class Ledger:
         self.worst_residual = max(self.worst_residual, block.worst_residual)
         self._energies.add(block)
         self._events.add(block.events)
+        if not self._contacts_give:
+            self._gained = max(self._gained, float(self.gains(block).max()))
+            self._least_contact_work = min(self._least_contact_work, block.contact_work.min())
         power = smooth_power(block, self._scene, self._layout)
         missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
         # samples show no power of a pulse between them, or of a slip that ends before the next one
@@ -422,6 +440,18 @@ class Ledger:
             return 0.0
         *_, size = self._work.total()
         return self._energies.scale(float(size[0]))
+
+    @property
+    def gained(self) -> float:
+        """Largest energy gained in contacts [J], which by their laws give none; 0 if they may do
+        positive work."""
+        return self._gained
+
+    def gains(self, block: SampleBlock) -> Array:
+        """Energy gained in contacts up to each sample of the block [J], (n,)."""
+        work = block.contact_work
+        gains: Array = work - np.minimum(self._least_contact_work, np.minimum.accumulate(work))
+        return gains
 
     @property
     def at_rest(self) -> float:

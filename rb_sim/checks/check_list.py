@@ -22,7 +22,7 @@ from rb_sim.checks.balance import Ledger
 from rb_sim.checks.check import Check, Checker, CheckInput, Effort, Run, effort_of
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
-from rb_sim.checks.step_checks import chatter, steps
+from rb_sim.checks.step_checks import MADE, chatter, steps
 from rb_sim.checks.violation import inside, residual
 
 if TYPE_CHECKING:
@@ -42,14 +42,35 @@ TIMES = 10.0
 
 WHAT = {
     "energy": "energy error relative to the energy exchanged",
+    "gained": "energy gained in contacts relative to the energy exchanged",
     "momentum": "linear momentum error relative to the largest momentum",
     "angular momentum": "angular momentum error relative to the largest momentum",
 }
 
 
 def balances(run: Run) -> Checker:
-    """Checks that work explains the change of energy, and impulse that of momentum."""
-    return lambda seen: unbalanced(seen, run.layout)
+    """Checks that work explains the change of energy, impulse that of momentum, and that contacts
+    give no energy."""
+
+    def look(seen: CheckInput) -> Iterator[Finding]:
+        yield from unbalanced(seen, run.layout)
+        yield from gained(seen, run.layout)
+
+    return look
+
+
+def gained(seen: CheckInput, layout: SampleLayout) -> Iterator[Finding]:
+    """Energy gained in contacts, which by their laws give none. It is part of their work, so that
+    no balance shows it. Time stepping has a check of its own (`step_checks`)."""
+    block, effort, ledger = seen.block, seen.effort, seen.ledger
+    allowed = MADE * ledger.exchanged + ledger.at_rest
+    if effort.method == "time_stepping" or not ledger.gained > allowed:
+        return
+    i, exchanged = int(ledger.gains(block).argmax()), ledger.exchanged or ledger.at_rest
+    figure = ledger.gained / exchanged if exchanged > 0.0 else np.inf
+    finer = effort.finer_step(figure, MADE)
+    where, advice, t = fastest_body(block, layout, i), effort.advice(finer), float(block.t[i])
+    yield Finding("energy", t, figure, MADE, WHAT["gained"], where, advice, finer)
 
 
 def unbalanced(seen: CheckInput, layout: SampleLayout) -> Iterator[Finding]:

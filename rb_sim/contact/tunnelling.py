@@ -134,28 +134,27 @@ def moved(edges: Array, least: float) -> NDArray[np.intp]:
     return np.flatnonzero(away)
 
 
-def refuse_sunk(
-    all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SOLVED
-) -> None:
+def refuse_sunk(all_sides: tuple[Sides, ...], times: Any, y: Array, sunk: float = SOLVED) -> None:
     """Raise SimulationError where a side lies deeper in its support than the points that touch.
 
-    y: states at the times, (n, at least WIDTH per body); length: of the scene [m]; sunk: depth
-    over it that is none.
+    y: states at the times, (n, at least WIDTH per body); sunk: depth that is none, over the
+    thickness of what meets, so that a small body in a wide scene is judged by its own size.
     """
     if not len(times):
         return
     for sides in all_sides:
+        allowed = sunk * thickness(sides)
         turn, shift = poses(sides, times, y)
         flat = [turned(turn, point) + shift for point in sides.edges.reshape(-1, 3)]
         edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
-        seen = moved(edges, LEAST_MOVE * sunk * length)
+        seen = moved(edges, LEAST_MOVE * allowed)
         least, ends = deepest_of_edges(sides.support, edges[seen])
         if sides.own is not None:
             turn, shift = poses(sides, np.asarray(times)[seen], y[seen])
             back = conjugate(turn)
             least = np.minimum(least, entering(sides, back, -turned(back, shift)))
         deeper = np.minimum(ends, 0.0) - least
-        bad = np.flatnonzero(deeper > sunk * length)
+        bad = np.flatnonzero(deeper > allowed)
         if len(bad):
             depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
@@ -254,7 +253,7 @@ def run_looking(
 
     Looks that lie beyond the times are kept in `motion.looks` for the next call: when the sides are
     looked at depends on the motion alone, not on the pieces in which it is carried.
-    Raises SimulationError where one lies deeper in its support than `sunk` over the scene's length.
+    Raises SimulationError where one lies deeper in its support than `sunk` over its thickness.
     """
     times = np.asarray(times, dtype=float)
     if not all_sides:
@@ -274,7 +273,7 @@ def run_looking(
             if out is not None:
                 out[done:upto] = rows[np.searchsorted(at, times[done:upto])]
         seen = np.isin(at, looks) if out is None else np.full(len(at), True)
-        refuse_sunk(all_sides, at[seen], rows[seen], motion.compiled.system.length, sunk)
+        refuse_sunk(all_sides, at[seen], rows[seen], sunk)
         motion.looks = at[-1], np.array(motion.coordinates), looks[looks > at[-1]]
         done = upto
     return done

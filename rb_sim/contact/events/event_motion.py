@@ -417,7 +417,7 @@ class ContactMotion(GridMotion):
         except SimulationError:
             if np.isfinite(self._grid.y1).all():
                 last = [self._grid.t1], self._grid.y1[None, :]
-                refuse_sunk(self.compiled.sides, *last, self.system.length)
+                refuse_sunk(self.compiled.sides, *last)
             raise
 
     def _advance(self, times: Array, stop: float, out: Array | None) -> None:
@@ -664,8 +664,9 @@ class ContactMotion(GridMotion):
     def _leapt_over(self, instant: Instant, c: int) -> bool:
         """Move the instant on by a time too short to matter, over which impulses answer the loads;
         longer if it has just been done.  False if the laws have no impulses either."""
-        t, length = instant.t, self._chatter.length_of_leap(instant.t)
-        if leap(instant, length) is None:
+        t = instant.t
+        length = leap(instant, self._chatter.length_of_leap(t))
+        if length is None:
             return False
         bring_back(instant)
         self._journal.note(t, c, LEAPS)

@@ -422,28 +422,37 @@ def advance_grid(method, system, grid, stop, work):
 
 
 def branch(method, system, grid, t, work, y, c):
-    """Write the state at t, by one step from t0, to y; c: its low digits."""
+    """Write the state at t, by one step from t0, to y; c: its low digits. Returns the error of the
+    step in units of the tolerance."""
     copy(y, grid.y0)
     copy(c, grid.c0)
-    increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
+    error = attempt(method, system, grid.t0, grid.y0, t - grid.t0, work)
     add_increment(y, c, work)
     project(system, t, y)
+    return error
 
 
 def reach(method, system, grid, t, work, y, c):
-    """As `branch`, by 2, 4 .. PARTS equal steps if one gives no finite state: an implicit method
-    may have no solution for the step to t although it has one for the step to t1."""
-    branch(method, system, grid, t, work, y, c)
-    parts = 2
-    while parts <= PARTS and not finite(y):
+    """As `branch`, by 2, 4 .. PARTS equal steps if one has no finite state, or an error above the
+    tolerance that more steps reduce.
+
+    A step to t may have a larger error than the longer one to t1, if its stages are nearer to an
+    instant at which a rim lies flat or a slip turns. An implicit method may have no solution for
+    the step to t although it has one for the step to t1.
+    """
+    error = branch(method, system, grid, t, work, y, c)
+    parts, last = 2, FREE
+    while parts <= PARTS and not (finite(y) and (error <= 1.0 or error >= last)):
+        last = error if error < FREE else FREE
         copy(y, grid.y0)
         copy(c, grid.c0)
-        h = (t - grid.t0) / parts
+        h, error = (t - grid.t0) / parts, 0.0
         for i in range(parts):
-            increment(method, system, grid.t0 + i * h, y, h, work)
+            error = max(error, attempt(method, system, grid.t0 + i * h, y, h, work))
             add_increment(y, c, work)
             project(system, grid.t0 + (i + 1) * h, y)
         parts *= 2
+    return error
 
 
 def state_at(method, system, grid, t, work):

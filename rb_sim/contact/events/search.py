@@ -82,6 +82,7 @@ from rb_sim.mechanics.contact.event_functions import (
     roll_level,
     rolling,
     slip_level,
+    step_of_swings,
     turned_by_rounding,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, WIDTH, vec
@@ -665,13 +666,21 @@ def cut_grid(grid, t, y, c, h):
 
 def not_too_far(method, system, grid, work, y, c):
     """(lowest event function, its code, the grid with its last step cut as the tilt of rims
-    requires); the tables are those of its end."""
+    requires); the tables are those of its end.
+
+    A long step may pass straight through the flat position without a stage near it, where the
+    shorter one does not: the error of the shorter step decides whether it is short enough.
+    """
     lowest, code = level_of(system, grid.t1, grid.y1, grid.c1)
+    error, least = 0.0, 2.0 * step_of_swings(system)
     for _ in range(CUTS):
         t = end_for_rims(system, grid.t0, grid.t1)
+        if error > 1.0 and grid.t1 - grid.t0 > least:
+            t = 0.5 * (grid.t0 + grid.t1)
         if t == grid.t1:
             break
-        lowest, code = level_at(method, system, grid, t, work, y, c)
+        error = reach(method, system, grid, t, work, y, c)
+        lowest, code = level_of(system, t, y, c)
         grid = cut_grid(grid, t, y, c, grid.h)
     return lowest, code, grid
 

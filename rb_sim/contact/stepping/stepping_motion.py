@@ -161,7 +161,7 @@ def other_effects(system: Any) -> tuple[Any, ...]:
 
 
 SUNK_IN_STEPS = 1e-3
-"""Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
+"""Depth, over the thickness of what meets, by which a side may lie deeper than its points."""
 MOST_AT_ONCE = 4096
 """Steps in one call of a kernel, so that signals are answered."""
 
