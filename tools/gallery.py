@@ -38,6 +38,8 @@ from tools.colors import few_colors
 
 TILE = (480, 320)
 COLUMNS = 4
+CAPTION = 40
+"""Height of the strip above a tile with its name [px]."""
 OWN = ("rolling_sphere", "pendulum", "heavy_top", "rolling_disk_steady", "thrown_ball")
 """Scenes of motion that docs/ten-scenes.md shows."""
 OWN_SIZE = (480, 320)
@@ -112,12 +114,12 @@ def sheet(tiles: dict[str, Image.Image]) -> Image.Image:
     """All tiles with their names."""
     rows = -(-len(tiles) // COLUMNS)
     width, height = TILE
-    page = Image.new("RGB", (COLUMNS * width, rows * (height + 24)), (22, 24, 30))
+    page = Image.new("RGB", (COLUMNS * width, rows * (height + CAPTION)), (22, 24, 30))
     draw = ImageDraw.Draw(page)
     for k, (name, image) in enumerate(tiles.items()):
-        x, y = width * (k % COLUMNS), (height + 24) * (k // COLUMNS)
-        page.paste(image.resize((width, height), Image.Resampling.LANCZOS), (x, y + 24))
-        draw.text((x + 8, y + 6), name, fill=(230, 230, 230))
+        x, y = width * (k % COLUMNS), (height + CAPTION) * (k // COLUMNS)
+        page.paste(image.resize((width, height), Image.Resampling.LANCZOS), (x, y + CAPTION))
+        draw.text((x + 10, y + 6), name, fill=(230, 230, 230), font_size=26)
     return page
 
 

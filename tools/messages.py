@@ -126,7 +126,8 @@ RUNS = (
 )  # fmt: skip
 
 BAGS = (
-    Message("not a bag: no ", "the folder has no .mcap or .db3 file", "give the folder of the bag"),
+    Message("not a bag: no ", "the folder has no .mcap or .db3 file",
+            "give the folder of the bag or of the run"),
     Message("not recorded by rb_sim", "`resim` and `replay --publish` need the scene in the bag",
             "`ros2 bag play`, or `rb_sim analyze --masses SCENE`"),
     Message("unfinished; first run: rb_sim recover",

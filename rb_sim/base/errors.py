@@ -202,8 +202,7 @@ CHECKS: dict[str, Check] = {
         "end the run before, or change lengths or drives so that it is not reached",
     ),
     "step": Check(
-        "part of the motion that fixed steps miss, from some of them taken again at 0.62 of the "
-        "length, summed over all steps: relative to the velocity, or of an attitude [rad]; "
+        "estimated error of all fixed steps, relative to the velocity or of an attitude [rad]; "
         "rotation in one step [rad]",
         "0.1; pi",
         "the fixed step does not resolve the motion",
@@ -216,11 +215,12 @@ CHECKS: dict[str, Check] = {
         "`method: time_stepping`",
     ),
     "contact steps": Check(
-        "the first that applies of `time_stepping`: residual of the friction problem; share of the "
-        "steps with a contact point that runs around its body, with several solutions (Painleve's "
-        "paradox) or with a perfectly rough contact that slips; energy lost or gained in contacts; "
-        "speed given along a normal that rotated",
-        "residual 1e-6; shares 0; energy 0.02 and 0.01 of the exchanged; speed 0.05",
+        "with `time_stepping`, the first of these above its limit: residual of the friction "
+        "problem; fraction of steps in which a contact point runs round a rim, a contact has "
+        "several solutions (Painleve's paradox) or a rough contact slips; energy lost or gained "
+        "in contacts; velocity error due to a rotating normal",
+        "residual 1e-6; fractions 0; energy 0.02 lost, 0.01 gained, of the exchanged; velocity "
+        "0.05",
         "the step is too long for the contacts, or rigid friction has several or no solutions",
         "the step that the message names, or an event-driven method",
     ),

@@ -91,7 +91,9 @@ def _refuse_empty(args: list[str]) -> None:
     for before, word in zip(["", *args], args, strict=False):
         if not word or re.fullmatch(r"--[\w-]+=", word):
             option = before if before.startswith("-") and before != "--" else "an argument"
-            raise typer.BadParameter("an empty text", param_hint=word.rstrip("=") or option)
+            raise typer.BadParameter(
+                "is empty; must have a value", param_hint=word.rstrip("=") or option
+            )
 
 
 def _without_types(params: list[Any]) -> list[Any]:
@@ -115,6 +117,7 @@ def _complain(error: Any) -> int:
         error.show()
         return int(error.exit_code)
     message = _bad_value(error) or " ".join(str(error.format_message()).split()).rstrip(".")
+    message = re.sub(r"^Invalid value for '?(.+?)'?: ", r"\1: ", message)
     message = NEAREST.sub(r" (did you mean \1?)", message).replace("argument(s)", "argument")
     if message.startswith("No such option") and context is not None:
         message = f"No such option: {error.option_name}{_nearest_option(error, context)}"
@@ -123,7 +126,7 @@ def _complain(error: Any) -> int:
     verb = NO_COMMAND.fullmatch(message)
     if verb is not None and context is not None:  # older versions of typer suggest none
         near = get_close_matches(verb[1], context.command.list_commands(context), n=1)
-        message += f" (did you mean {near[0]}?)" if near else ""
+        message += f" (did you mean {near[0]}?)" if near else _scene_to_run(verb[1])
     program = "rb_sim" if context is None else context.command_path
     print(f"error: {message}; see {program} --help", file=sys.stderr, flush=True)
     return int(error.exit_code)
@@ -134,6 +137,17 @@ def _nearest_option(error: Any, context: Any) -> str:
     options = [opt for param in context.command.params for opt in param.opts if opt[:2] == "--"]
     near = meant(error.option_name.lstrip("-").replace("-", "_"), [o[2:] for o in options])
     return f" (did you mean --{near}?)" if near else ""
+
+
+def _scene_to_run(word: str) -> str:
+    """A hint for a scene in the place of a command; "" for another word."""
+    from rb_sim.scene.listing import find_scene
+
+    try:
+        find_scene(word)
+    except RbSimError:
+        return ""
+    return f" ({word} is a scene: rb_sim run {word})"
 
 
 MOST_VERBS = 3

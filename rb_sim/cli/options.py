@@ -36,7 +36,11 @@ AnyScene = Annotated[
     ),
 ]
 Bag = Annotated[
-    Path, typer.Argument(metavar="BAG", help="Bag recorded by rb_sim: a folder or an .mcap file.")
+    Path,
+    typer.Argument(
+        metavar="BAG",
+        help="Bag recorded by rb_sim: a folder (also that of a run) or an .mcap file.",
+    ),
 ]
 Out = Annotated[
     Path | None,
@@ -83,7 +87,10 @@ Turning = Annotated[
     typer.Option(metavar="RAD/S", help="Rate at which the world axes turn about z."),
 ]
 AnyBag = Annotated[
-    Path, typer.Argument(metavar="BAG", help="Bag: a folder, an .mcap or a .db3 file.")
+    Path,
+    typer.Argument(
+        metavar="BAG", help="Bag: a folder (also that of a run), an .mcap or a .db3 file."
+    ),
 ]
 Wrench = Annotated[
     list[str] | None,

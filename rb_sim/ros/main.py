@@ -9,10 +9,10 @@
 
 """rb_sim_node: the node for a scene. `rb_sim_node SCENE`, or by parameters: see --help.
 
-Exit status: 0 after the duration, SIGINT, SIGTERM or SIGHUP; 1 after an error (one line), and if
-the motion could not continue when it was ended; 4 if a log lacks a part of the run (full disk,
-writer killed or hanging); 128 + the signal's number if interrupted before the first sample, or
-again after a second.
+Exit status: 0 after the duration, SIGINT, SIGTERM or SIGHUP; 1 if the motion could not continue; 2
+if the node could not start (one line: scene, parameter, argument, folder); 4 if a log lacks a part
+of the run (full disk, writer killed or hanging); 128 + the signal's number if interrupted before
+the first sample, or again after a second.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rb_sim.base.errors import RbSimError
+from rb_sim.base.errors import RbSimError, SimulationError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from rb_sim.simulation.signals import Interruption
 
 NODE_NAME = "rb_sim"
+BAD_INPUT, FAILED = 2, 1
+"""Exit statuses, those of the command line."""
 NO_RCLPY = (
     "the node needs rclpy: source a ROS 2 Jazzy installation, or pip install 'rb_sim[ros]'"
     " (everything but the node runs without it)"
@@ -58,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not (line := complaint()):
             raise
         print(line, file=sys.stderr, flush=True)
-        return 1
+        return BAD_INPUT
     finally:
         from rb_sim.simulation.signals import deafen
 
@@ -81,7 +83,8 @@ def _main(arguments: Sequence[str] | None) -> int:
         stray = [word for i, word in enumerate(own) if i > 0 or word.startswith("-")]
         if stray:
             raise RbSimError(
-                f"got {' '.join(stray)!r}; must be SCENE, then --ros-args; see rb_sim_node --help"
+                f"got {' '.join(stray)!r}; must be SCENE --ros-args -p NAME:=VALUE ...; "
+                "see rb_sim_node --help"
             )
     except RbSimError as error:
         return _complain(error)
@@ -145,6 +148,8 @@ def _without_ros_arguments(given: list[str]) -> list[str]:
 def _ros_error(error: Exception) -> RbSimError:
     """Error message of rcl without source locations."""
     text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
+    if (rule := re.search(r"parse parameter override rule: '(.*?)'", text)) is not None:
+        return RbSimError(f"got {rule[1]!r}; must be -p NAME:=VALUE")
     return RbSimError(f"ROS refused to start: {text}")
 
 
@@ -238,7 +243,7 @@ def need_rclpy() -> None:
 
 def _complain(error: RbSimError) -> int:
     print(f"rb_sim_node: {error}", file=sys.stderr)
-    return 1
+    return FAILED if isinstance(error, SimulationError) else BAD_INPUT
 
 
 if __name__ == "__main__":

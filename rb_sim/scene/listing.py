@@ -92,10 +92,11 @@ def shipped_statics() -> dict[str, Path]:
     return {} if folder is None else {file.stem: file for file in sorted(folder.glob("*.yaml"))}
 
 
-def find_scene(name_or_path: str | PathLike[str]) -> Path:
+def find_scene(name_or_path: str | PathLike[str], others: str = "") -> Path:
     """Path of a scene given by its file, or by the name of a shipped scene.
 
-    Raises SceneError with the shipped scene that was probably meant.
+    others: allowed arguments that are no scenes, for the error. Raises SceneError with the shipped
+    scene that was probably meant.
     """
     path = Path(name_or_path)
     if path.is_file():
@@ -106,8 +107,9 @@ def find_scene(name_or_path: str | PathLike[str]) -> Path:
     what = "is a folder" if path.is_dir() else "does not exist"
     near = meant(path.stem, [scene.name for scene in list_scenes()])
     hint = f"; did you mean {near}?" if near else ""
-    allowed = "a YAML file or a name that `rb_sim scenes` lists"
-    raise scene_error(f"{what}; a scene must be {allowed}{hint}", (), str(name_or_path))
+    scene = "a YAML file or a name that `rb_sim scenes` lists"
+    must = f"must be {others} or a scene ({scene})" if others else f"a scene must be {scene}"
+    raise scene_error(f"{what}; {must}{hint}", (), str(name_or_path))
 
 
 def _shipped(name: str) -> Path | None:

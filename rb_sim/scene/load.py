@@ -182,7 +182,7 @@ def _upwards(key: str, effect: Any, scene: Scene) -> Iterator[str]:
             down = render([-x + 0.0 for x in effect.acceleration])
             yield (
                 f"{key}: {render(list(effect.acceleration))} points out of the planes of all "
-                f"contacts, so that nothing rests on them; a weight is {down}"
+                f"contacts, so that nothing rests on them; use {down}, or reverse their normals"
             )
 
 

@@ -241,7 +241,7 @@ def state_of(run: Record, sample: int) -> State:
         found = False
     if not found:
         raise RbSimError(
-            f"state: got {sample!r}; must be a whole number from {-count} to {count - 1}"
+            f"state: got {sample!r}; must be the index of a sample, from {-count} to {count - 1}"
         )
     columns = ("position", "orientation", "linear_velocity", "angular_velocity")
     block, bodies = run.block, run.layout.bodies

@@ -136,6 +136,7 @@ def test_scene_as_run(tmp_path):
     ("change", "line"),
     [
         ("effects.wight.acceleration=1", "there is no 'wight'; must be weight or drive"),
+        ("bodies.box.spin[2]=1", r"no 'spin'; .* or set the whole vector: spin=\[\.\.\.\]"),
         ("mass=2", "must be KEY=VALUE with a path as KEY"),
         ("bodies.box.mass", "must be KEY=VALUE"),
         ("bodies.box.mass.x=2", "there is no 'x'; must be omitted: there is a single value"),

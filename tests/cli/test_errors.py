@@ -62,9 +62,9 @@ def test_bad_scene(name, tmp_path):
         (("run",), "error: Missing argument"),
         (("run", "heavy_top", "--fast"), "error: No such option"),
         (("run", "heavy_top", "--rate", "quick"), "error: --rate: got 'quick'; must be a number;"),
-        (("run", "heavy_top", "--out", ""), "error: Invalid value for --out: an empty text; see"),
-        (("run", "heavy_top", "--npz="), "error: Invalid value for --npz: an empty text; see rb_"),
-        (("info", ""), "error: Invalid value for an argument: an empty text; see rb_sim info"),
+        (("run", "heavy_top", "--out", ""), "error: --out: is empty; must have a value; see"),
+        (("run", "heavy_top", "--npz="), "error: --npz: is empty; must have a value; see rb_"),
+        (("info", ""), "error: an argument: is empty; must have a value; see rb_sim"),
         (("sweep", "coin", "--workers", "2.5"), "error: --workers: got '2.5'; must be a whole"),
         (("run", "heavy_top", "pendulum"), "error: Got unexpected extra argument"),
         (
@@ -88,7 +88,7 @@ def test_bad_scene(name, tmp_path):
         ),
         (
             ("statics", "pendulum", "--set", "a"),
-            "error: Invalid value for --set: got 'a'; must be KEY=VALUE, e.g.",
+            "error: --set: got 'a'; must be KEY=VALUE, e.g.",
         ),
         (
             ("run", "a.yaml", "b.yaml"),
@@ -132,6 +132,7 @@ def test_bad_scene(name, tmp_path):
         ),
         (("statics", "nowhere"), "error: nowhere: does not exist; a scene must be"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
+        (("heavy_top",), "error: No such command 'heavy_top' (heavy_top is a scene: rb_sim run"),
         (("replay", "/no"), "error: /no: no such bag"),
         (("recover", "/no"), "error: /no: no such bag"),
         (

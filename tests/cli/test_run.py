@@ -139,3 +139,8 @@ def test_warm_leaves_nothing_to_compile(tumble):
     done = invoke("warm", tumble)
     assert done.exit_code == 0
     assert "[1/1] tumble ... from the cache" in done.stdout
+
+
+def test_warm_names_the_option_that_is_wrong(tumble):
+    done = invoke("warm", tumble, "--method", "rk9")
+    assert done.exit_code == 2 and "error: --method: got 'rk9'; must be rk4" in done.output

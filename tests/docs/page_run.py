@@ -9,7 +9,8 @@
 
 """Does what a page of the documentation says: its blocks in order, in one folder.
 
-Python runs in one namespace, shell lines are commands of rb_sim, a block of YAML is a scene. YAML
+Python runs in one namespace, shell lines are commands of rb_sim (those that take long or have no
+end run for a short time: SHORTER), a block of YAML is a scene. YAML
 whose first line is a comment that names a file (`# door.yaml`) is written there. A block `output`
 shows lines that the block before it prints.
 
@@ -20,9 +21,13 @@ told from one of another program: not by its pixels, which every machine draws o
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
+import os
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -37,9 +42,15 @@ from rb_sim import load_scene
 from rb_sim.cli.main import app
 from rb_sim.scene.load import load_statics
 from tests.docs.blocks import ROOT, Block, blocks
+from tests.domains import own_domain
 
 SKETCH = "..."
 """In a YAML block: it lists keys, and is no scene. In an output block: lines are left out."""
+SHORTER = {
+    "accuracy": ["--budget", "1"],
+    "node": ["--ros-args", "-p", "duration:=0.5", "-p", "discovery:=0.0"],
+}
+"""Options that are appended to commands, by verb."""
 _FILE = re.compile(r"# (\S+\.yaml)\b")
 
 
@@ -119,12 +130,29 @@ def _shell(block: Block) -> str:
     for line in block.text.replace("\\\n", " ").splitlines():
         program, *arguments = shlex.split(line, comments=True)
         assert program == "rb_sim", f"{line!r}: only rb_sim is run here"
-        with matplotlib.rc_context():
-            matplotlib.rcdefaults()  # a command draws in its own style, not in that of the page
-            done = CliRunner().invoke(app, arguments)
-        assert done.exit_code == 0, f"{line!r} (line {block.line}): {done.output}"
-        printed += done.output
+        arguments += SHORTER.get(arguments[0], [])
+        if arguments[0] == "node":
+            code, output = _node(arguments)
+        else:
+            with matplotlib.rc_context():
+                matplotlib.rcdefaults()  # a command draws in its own style, not in the page's
+                done = CliRunner().invoke(app, arguments)
+            code, output = done.exit_code, done.output
+        assert code == 0, f"{line!r} (line {block.line}): {output}"
+        printed += output
     return printed
+
+
+def _node(arguments: list[str]) -> tuple[int, str]:
+    """Exit code and output of a node, in a process of its own; nothing without ROS."""
+    if importlib.util.find_spec("rclpy") is None:
+        return 0, ""
+    done = subprocess.run(
+        [sys.executable, "-m", "rb_sim", *arguments],
+        env=os.environ | {"ROS_DOMAIN_ID": own_domain(), "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120,
+    )  # fmt: skip
+    return done.returncode, done.stdout
 
 
 def _scene(block: Block) -> None:

@@ -19,6 +19,7 @@ from rb_sim.base.errors import SinkError
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.batches import BagScan
 from rb_sim.io.bag.file import BagFile
+from rb_sim.io.bag.folder import absent, holds_bag, unlisted
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import ARRAYS, concatenate
 
@@ -102,9 +103,6 @@ NO_MCAP = ": not an MCAP file; a bag is a folder, an .mcap or a .db3 file"
 def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     assert one_line(tmp_path / "none") == ": no such bag"
     assert one_line(tmp_path) == ": not a bag: no .mcap or .db3 file in it"
-    inner = tmp_path / "out" / "bag"
-    inner.mkdir(parents=True)
-    assert one_line(tmp_path / "out").endswith(f"; the bag of this run is {inner}")
     (tmp_path / "text.mcap").write_text("hello")
     assert one_line(tmp_path / "text.mcap") == NO_MCAP
     (tmp_path / "empty.mcap").write_text("")
@@ -115,6 +113,17 @@ def test_what_is_no_bag_of_rb_sim(tmp_path, record):
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
     expected = f": unfinished; first run: rb_sim recover {tmp_path / 'cut.mcap'}"
     assert one_line(tmp_path / "cut.mcap") == expected
+
+
+def test_the_folder_of_a_run_stands_for_its_bag(tmp_path, record):
+    bag = record("out/bag")
+    assert BagReader(tmp_path / "out").paths == BagReader(bag).paths
+    assert holds_bag(tmp_path / "out") and not holds_bag(tmp_path)
+    (bag / "bag_1.mcap").touch()
+    assert f"{bag / 'bag_1.mcap'} is empty" in unlisted(tmp_path / "out")
+    (bag / "bag_0.mcap").unlink()
+    (line,) = absent(tmp_path / "out")
+    assert line == f"{tmp_path / 'out'}: its metadata.yaml names bag_0.mcap, which is not there"
 
 
 def test_foreign_bag(tmp_path):

@@ -388,8 +388,11 @@ def test_one_clear_line_for_what_cannot_be_shown(run, tmp_path):
         show(str(tmp_path))
     with pytest.raises(SinkError, match="page.html: cannot write it"):
         show(str(run), Path("/proc/nothing/page.html"))
-    with pytest.raises(RbSimError, match="does not exist"):
-        show(str(tmp_path / "nothing.yaml"))
+    for name in ("nothing", str(tmp_path / "nothing.yaml")):
+        with pytest.raises(
+            RbSimError, match="does not exist; must be the folder of a run, a bag or"
+        ):
+            show(name)
 
 
 def test_the_reaction_that_carries_most_is_shown_first(tmp_path):

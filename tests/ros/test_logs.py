@@ -38,7 +38,7 @@ def test_an_earlier_bag_is_not_replaced_unless_asked(sphere, start, tmp_path):
     file.parent.mkdir(parents=True)
     file.write_bytes(b"of an earlier run")
     first = start(sphere, ready=False, out=out, **LOGGING)
-    assert first.wait() == 1
+    assert first.wait() == 2
     assert f"parameter out: {out} already contains bag" in first.text
     assert "overwrite:=true" in first.text and "Traceback" not in first.text
     assert file.read_bytes() == b"of an earlier run"

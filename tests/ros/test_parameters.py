@@ -78,6 +78,7 @@ REFUSED: list[tuple[list[str] | dict[str, object], str]] = [
     (["missing.yaml"], "missing.yaml"),
     (["--what"], "must be SCENE"),
     (["heavy_top", "bogus"], "got 'bogus'; must be SCENE"),
+    (["heavy_top", "--ros-args", "-p", "rate=5"], "got '-p rate=5'; must be -p NAME:=VALUE"),
     (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
     ({"out": "x" * 300}, "parameter out: xxx"),
     ({"out": "file/out"}, "file/out/bag: cannot record here"),
@@ -104,7 +105,7 @@ def test_a_wrong_start_is_one_line(sphere, tmp_path: Path):
     said = subprocess.run(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ).stdout
-    *parts, rest = said.split("ended with 1\n")
+    *parts, rest = said.split("ended with 2\n")
     assert rest == "" and len(parts) == len(REFUSED), said
     for part, (_, words) in zip(parts, REFUSED, strict=True):
         (line,) = [line for line in part.splitlines() if "[INFO]" not in line]

@@ -269,6 +269,6 @@ def test_without_rclpy_one_line_says_what_to_install(sphere, tmp_path):
         [sys.executable, "-m", "rb_sim.ros.main", str(sphere)],
         env=os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}"}, capture_output=True, text=True,
     )  # fmt: skip
-    assert result.returncode == 1
+    assert result.returncode == 2
     (line,) = result.stderr.splitlines()
     assert "pip install 'rb_sim[ros]'" in line and "source a ROS 2" in line

@@ -232,6 +232,7 @@ def test_a_weight_out_of_the_floor_gets_one_line():
     up = {"effects": {"weight": {"type": "gravity", "acceleration": [0, 0, 9.81]}}}
     (line,) = lines(touching() | up)
     assert "effects.weight.acceleration: [0.0, 0.0, 9.81] points out of the planes" in line
+    assert "use [0.0, 0.0, -9.81], or reverse their normals" in line
     assert lines(scene([0, 0, 0, 1]) | up) == lines(touching()) == []
     ceiling = {"type": "plane", "point": [0, 0, 0.1], "normal": [0, 0, -1]}
     assert lines(touching(surface=ceiling) | up) == []

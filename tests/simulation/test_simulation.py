@@ -240,7 +240,7 @@ def test_values_by_name_survive_copies(run: Trajectory) -> None:
 @pytest.mark.parametrize("sample", [3, -4, 1.5, "first", None])
 def test_a_state_is_of_a_sample(run: Trajectory, sample: Any) -> None:
     assert line(lambda: run.state(sample)) == (
-        f"state: got {sample!r}; must be a whole number from -3 to 2"
+        f"state: got {sample!r}; must be the index of a sample, from -3 to 2"
     )
 
 

@@ -98,7 +98,7 @@ def first_tracks(options: CompareOptions) -> Tracks:
     is_scene = other.suffix not in TEXTS and not _is_bag(other)
     scene = None
     if is_scene and reader_of(options.a, unfinished=True) is None:
-        scene = load_scene(find_scene(options.b))
+        scene = load_scene(find_scene(options.b, "a bag, a CSV file"))
     return tracks_of_bag(options.a, scene)
 
 
@@ -129,10 +129,12 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
 
     reader = reader_of(options.a, unfinished=True)
     if reader is None:
-        return _beside_others(options, load_scene(find_scene(options.b)), a)
+        return _beside_others(options, load_scene(find_scene(options.b, "a bag, a CSV file")), a)
     refuse_wrench(options.wrench or ())
     own = reader.scene.simulation
-    scene = load_scene(find_scene(options.b), duration=own.duration, rate=own.rate)
+    scene = load_scene(
+        find_scene(options.b, "a bag, a CSV file"), duration=own.duration, rate=own.rate
+    )
     with tempfile.TemporaryDirectory(prefix="rb_sim_") as folder:
         findings = resimulate(reader, scene, Path(folder) / "bag")
         tracks = tracks_of_bag(Path(folder) / "bag")

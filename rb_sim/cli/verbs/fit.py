@@ -130,7 +130,7 @@ def _print(found: Fitted) -> None:
         most = f"{j + 1}: {found.correlation[k][j]:+.2f}" if len(names) > 1 else ""
         rows.append((str(k + 1), number.name, f"{number.start:.6g}", f"{found.values[k]:.9g}",
                      f"{found.errors[k]:.2g}", most))  # fmt: skip
-    heads = ("", "number", "start", "fitted", "std. error", "most with")
+    heads = ("", "number", "start", "fitted", "std. error", "correlated with")
     plain_console(highlight=False).print(columns(heads, rows, names=("number",)))
     print(f"residuals: {found.noise['position']:.3g} m, {found.noise['angle']:.3g} rad (RMS); "
           f"{found.runs} runs")  # fmt: skip
@@ -141,7 +141,7 @@ def _print(found: Fitted) -> None:
         print(f"at the limit of its allowed values: {name}; standard errors are those of a fit "
               "without it")  # fmt: skip
     for names_ in found.undetermined:
-        print(f"not determined by this recording: {names_}")
+        print(f"not determined by the recorded poses: {names_}")
 
 
 def _write(folder: Path, found: Fitted) -> None:

@@ -260,10 +260,6 @@ def show(source: str, save: Path | None = None, *, browse: bool = False) -> None
     elif path.is_dir() or path.suffix in (".mcap", ".db3"):
         target, bag = Path(f"{path.absolute().stem}.html"), path
     else:
-        if not path.exists() and path.name != source:
-            raise RbSimError(
-                f"{source}: does not exist; must be the folder of a run, a bag, or a scene"
-            )
         target, bag = Path(f"{path.stem}.html"), None
     page = _page_of_scene(source) if bag is None else _page_of_bag(bag)
     target = save or target
@@ -281,7 +277,7 @@ def _page_of_scene(source: str) -> dict[str, Any]:
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.simulation import Simulation
 
-    simulation = Simulation(load_scene(find_scene(source)))
+    simulation = Simulation(load_scene(find_scene(source, "the folder of a run, a bag")))
     with (
         warnings.catch_warnings(),
         progress_bar(simulation.scene.simulation.duration, False) as show,

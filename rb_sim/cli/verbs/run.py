@@ -67,7 +67,7 @@ def splitting(options: RunOptions) -> dict[str, Any]:
 
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options applied. Raises SceneError, RbSimError."""
-    from rb_sim.cli.verbs.scenes import scene_to_run
+    from rb_sim.cli.verbs.scenes import of_option, scene_to_run
     from rb_sim.io.bag.reader import with_values
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.load import OVERRIDES, as_run_text, scene_from_mapping
@@ -84,10 +84,7 @@ def scene_of(options: RunOptions) -> Scene:
         with SceneError.after(options.change):
             return scene_from_mapping(data, name=scene.name, file=scene.file)
     except SceneError as error:
-        section, _, name = error.key.partition(".")
-        if section == "override":
-            raise RbSimError(f"--{name}: {error.message}") from None
-        raise
+        raise of_option(error) from None
 
 
 def check_accelerations(options: RunOptions, scene: Scene) -> None:

@@ -32,7 +32,7 @@ def warm(names: list[str], method: str | None = None) -> int:
     """Compile the given scenes (files or names), or all shipped ones, into the cache.
 
     method: replaces the scenes' own. A scene that cannot be loaded is reported, the others are
-    compiled; the exit code is 1 then. Raises RbSimError if a given scene does not exist.
+    compiled; the exit code is 2 then. Raises RbSimError if a given scene does not exist.
     """
     from rb_sim.scene.listing import find_scene, list_scenes
     from rb_sim.scene.load import load_scene
@@ -52,13 +52,14 @@ def warm(names: list[str], method: str | None = None) -> int:
         except RbSimError as error:
             failed = True
             print(flush=True)
-            print(f"error: {error}", file=sys.stderr, flush=True)
+            line = of_option(error) if isinstance(error, SceneError) else error
+            print(f"error: {line}", file=sys.stderr, flush=True)
             continue
         took = time.perf_counter() - began
         print(f" {'compiled' if notes else 'from the cache'}, {took:.1f} s", flush=True)
         for note in notes[1:]:
             print(note, file=sys.stderr, flush=True)
-    return 1 if failed else 0
+    return 2 if failed else 0
 
 
 # `rb_sim layout`: layouts of other programs for the topics of a scene.
@@ -130,6 +131,12 @@ def with_changes(
     data = with_values(yaml_reader.parse(yaml_reader.read_text(path), str(path)), changes)
     with SceneError.after(changes):
         return load(data, name=path.stem, file=str(path), **overrides)
+
+
+def of_option(error: SceneError) -> RbSimError:
+    """The error of a scene, or of the option that replaces a value of it."""
+    section, _, name = error.key.partition(".")
+    return RbSimError(f"--{name}: {error.message}") if section == "override" else error
 
 
 def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:

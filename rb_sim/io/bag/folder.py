@@ -177,6 +177,8 @@ _YAML = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def bag_paths(bag: Path) -> list[Path]:
     """The files of `bag` in order: of a directory, or the file itself.
 
+    The folder of a run, which contains a folder `bag`, stands for that bag.
+
     They are those in metadata.yaml that exist (`absent` reports the others); without it all files,
     if their names form a series (NAME_0, NAME_1 ..., or 0_NAME_TIME, 1_NAME_TIME ... of rosbag2
     since 2026). Empty ones, which a full disk or a killed process leaves behind the last one, are
@@ -189,6 +191,7 @@ def bag_paths(bag: Path) -> list[Path]:
         if bag.suffix == _COMPRESSED:
             raise SinkError(_packed(bag, bag))
         return [bag]
+    bag = _of_run(bag)
     listed = _listed(bag / "metadata.yaml")
     there = [path for path in listed if path.exists()]
     found = there or ([] if listed else _files(bag))
@@ -198,8 +201,7 @@ def bag_paths(bag: Path) -> list[Path]:
             raise SinkError(_packed(bag, packed[0]))
         if listed:
             raise SinkError(f"{bag}: its metadata.yaml names {listed[0].name}, which is not there")
-        inner = f"; the bag of this run is {bag / 'bag'}" if (bag / "bag").is_dir() else ""
-        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it{inner}")
+        raise SinkError(f"{bag}: not a bag: no {' or '.join(STORAGES)} file in it")
     series = [_number(path) for path in found]
     if len({(path.suffix, stem) for path, (stem, _) in zip(found, series, strict=True)}) == 1:
         found = [path for _, path in sorted(zip(series, found, strict=True))]
@@ -210,6 +212,12 @@ def bag_paths(bag: Path) -> list[Path]:
             f"one recording NAME_0{found[0].suffix}, NAME_1{found[0].suffix} ..."
         )
     return [path for path in found if path.stat().st_size] or found
+
+
+def _of_run(folder: Path) -> Path:
+    """The bag in the folder of a run; any other folder itself."""
+    inner = folder / "bag"
+    return inner if inner.is_dir() and not _files(folder) else folder
 
 
 def _files(bag: Path) -> list[Path]:
@@ -225,8 +233,8 @@ def _packed(bag: Path, path: Path) -> str:
 
 
 def holds_bag(folder: Path) -> bool:
-    """Whether a directory contains files of a bag."""
-    return bool(_files(folder))
+    """Whether a directory contains files of a bag, or is the folder of a run with a bag."""
+    return bool(_files(_of_run(folder)))
 
 
 def unlisted(bag: Path) -> list[str]:
@@ -234,6 +242,7 @@ def unlisted(bag: Path) -> list[str]:
     listed files that do not exist, and on empty ones."""
     if not bag.is_dir():
         return []
+    bag = _of_run(bag)
     named = _listed(bag / "metadata.yaml")
     listed = {os.path.normpath(path) for path in named}
     files = _files(bag)
@@ -248,7 +257,8 @@ def unlisted(bag: Path) -> list[str]:
 
 def absent(bag: Path) -> list[str]:
     """A line for each file listed in metadata.yaml that does not exist."""
-    gone = [path.name for path in _listed(bag / "metadata.yaml") if not path.exists()]
+    listed = _listed(_of_run(bag) / "metadata.yaml")
+    gone = [path.name for path in listed if not path.exists()]
     return [f"{bag}: its metadata.yaml names {name}, which is not there" for name in gone]
 
 

@@ -570,7 +570,9 @@ def replaced(data: Any, keys: Sequence[str | int], value: Any) -> Any:
     first, rest = keys[0], keys[1:]
     new = not rest and isinstance(data, Mapping) and isinstance(first, str)
     if not (new or _has(data, first)):
-        raise RbSimError(_absent(data, first))
+        indexed = isinstance(first, str) and any(isinstance(key, int) for key in rest[:1])
+        whole = f", or set the whole vector: {first}=[...]" if indexed else ""
+        raise RbSimError(_absent(data, first) + whole)
     inner = replaced(data[first], rest, value) if rest else value
     copy: Any = dict(data) if isinstance(data, Mapping) else list(data)
     copy[first] = inner
