@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 from typer.testing import CliRunner
 
@@ -79,32 +80,6 @@ def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path
     assert found["height"].mean() == pytest.approx(
         height(found["speed"].mean(), found["start"].mean()), abs=1e-13
     )
-
-
-def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
-    tmp_path: Path, here: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two processes of their own, and one thread that goes on with what was cut off."""
-    module, workers = sys.modules["rb_sim.sweeps.sweep"], []
-    run_batches = module.run_batches
-
-    def counting(connected: Any, *rest: Any) -> None:
-        workers.append(len(connected.scheduler_info()["workers"]))
-        run_batches(connected, *rest)
-
-    monkeypatch.setattr(module, "run_batches", counting)
-    description = plan(tmp_path)
-    two = columns(sweep(description, tmp_path / "two", workers=2, batch=7))
-    cut = tmp_path / "cut"
-    sweep({**description, "draws": 10}, cut, scheduler=here)
-    resumed = sweep(description, cut, scheduler=here, batch=11)
-    assert resumed.reused == 10
-    one = columns(resumed)
-    for name in two:
-        assert (one[name] == two[name]).all(), name
-    assert sweep(description, cut, scheduler=here).reused == 40
-    assert workers == [2, 1, 1]  # the last one had nothing to do
-    readable_by_everybody(cut, two)
 
 
 OSCILLATOR = """\
@@ -174,18 +149,23 @@ def test_where_balls_land_has_the_moments_of_the_closed_form(
 
 
 def test_ctrl_c_keeps_what_has_ended_and_the_same_sweep_goes_on(tmp_path: Path, here: str) -> None:
-    """Every process of a terminal's command hears Ctrl-C; nobody complains."""
-    (tmp_path / "plan.yaml").write_text(json.dumps({**plan(tmp_path), "draws": 200}))
+    """Every process of a terminal's command hears Ctrl-C; nobody complains. What two processes of
+    its own have begun and one thread goes on with is to the bit what the thread does alone."""
+    described = {**plan(tmp_path), "draws": 200}
+    (tmp_path / "plan.yaml").write_text(json.dumps(described))
     out = tmp_path / "out"
     command = [sys.executable, "-m", "rb_sim.cli.main", "sweep", str(tmp_path / "plan.yaml")]
-    command += ["--out", str(out), "--workers", "1", "--no-lanes", "--batch", "20"]
+    command += ["--out", str(out), "--workers", "2", "--no-lanes", "--batch", "20"]
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, start_new_session=True, **pipes) as process:
         end = time.monotonic() + PATIENCE
         while not list(out.glob("runs/*/*.parquet")) and time.monotonic() < end:
             time.sleep(0.02)
+        started = psutil.Process(process.pid).children(recursive=True)
+        workers = [one for one in started if "spawn_main" in " ".join(one.cmdline())]
         os.killpg(process.pid, signal.SIGINT)
         stdout, stderr = process.communicate(timeout=PATIENCE)
+    assert len(workers) == 2
     assert (process.returncode, stderr) == (130, "interrupted\n")
     assert "interrupted; finished runs are in" in stdout.replace("\n", " ")
     kept = len(pd.read_parquet(out / "runs"))
@@ -196,6 +176,11 @@ def test_ctrl_c_keeps_what_has_ended_and_the_same_sweep_goes_on(tmp_path: Path, 
     assert table["run"].tolist() == list(range(200))
     closed = height(table["speed"], table["start"]).to_numpy()
     assert table["height"].to_numpy() == pytest.approx(closed, abs=1e-13)
+    whole = columns(sweep(described, tmp_path / "whole", scheduler=here, batch=11))
+    for name, column in whole.items():
+        assert (table[name].to_numpy() == column).all(), name
+    assert sweep(described, out, scheduler=here).reused == 200
+    readable_by_everybody(out, whole)
 
 
 def readable_by_everybody(folder: Path, expected: dict[str, np.ndarray]) -> None:
