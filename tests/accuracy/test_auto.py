@@ -256,7 +256,7 @@ def test_a_decay_too_fast_for_fixed_steps_is_checked_by_an_adaptive_method() -> 
     sharp = Simulation(
         load_scene(OILED | {"simulation": options | {"method": "dopri853", "tolerance": 1e-12}})
     )
-    run, true = simulation.run().block, sharp.run().block
+    run, true = (each.run(watched=False).block for each in (simulation, sharp))
     assert np.abs(run.position - true.position).max() <= 1e-4
     assert float(angle_between(run.orientation, true.orientation).max()) <= 1e-4
 
@@ -289,12 +289,12 @@ def test_a_body_that_passes_its_anchor_is_right_at_a_loose_target() -> None:
     loose = Simulation(scene_from_mapping(mapping)).choice
     assert loose is not None and loose.reached
     mapping["simulation"] |= {"method": "dopri853", "tolerance": 1e-14}
-    true = Simulation(scene_from_mapping(mapping)).run()
+    true = Simulation(scene_from_mapping(mapping)).run(watched=False)
     mapping["simulation"] = {**mapping["simulation"], "method": loose.method}
     del mapping["simulation"]["tolerance"]
     knob = {"step": loose.step} if loose.step is not None else {"tolerance": loose.tolerance}
     own = Simulation(scene_from_mapping({**mapping, "simulation": mapping["simulation"] | knob}))
-    found = own.run()
+    found = own.run(watched=False)
     pose = found.position["a"], found.orientation["a"]
     assert pose_error(*pose, true.position["a"], true.orientation["a"]).max() <= 1e-3
 
