@@ -59,7 +59,8 @@ def truth(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def true_error(name: str, simulation: Simulation) -> float:
     """Largest pose error [rad, m] over the scene, at the reference's instants."""
     times, position, quaternion = truth(name)
-    own = simulation.run(float(times[-1]), (len(times) - 1) / float(times[-1]))
+    rate = (len(times) - 1) / float(times[-1])
+    own = simulation.run(float(times[-1]), rate, watched=False)
     (body,) = simulation.layout.bodies
     assert np.abs(own.t - times).max() < 1e-9
     pose = own.position[body], own.orientation[body]
@@ -403,7 +404,7 @@ def test_the_true_error_stays_under_the_target_on_a_scene_in_contact(target: flo
     simulation = Simulation(shipped("turntable", method="auto", tolerance=target))
     choice, exact = simulation.choice, closed_form(simulation.compiled)
     assert choice is not None and choice.reached and exact is not None
-    own = simulation.run(14.7, 20.0)
+    own = simulation.run(14.7, 20.0, watched=False)
     y = exact.coordinates(own.t)
     pose = own.position["ball"], own.orientation["ball"]
     assert pose_error(*pose, y[:, 0:3], y[:, 3:7]).max() <= target
