@@ -18,7 +18,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -38,7 +38,7 @@ from rb_sim.sweeps.expressions import EVENT_KINDS
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
 from rb_sim.sweeps.sweep import _checked, check_guarded, client, sweep
-from tests.sweeps.cluster import PATIENCE, Cluster
+from tests.sweeps.cluster import PATIENCE, one_more_worker
 from tests.sweeps.plans import height, plan
 
 pytest.importorskip("pyarrow")
@@ -51,27 +51,20 @@ PLANS = sorted(
 )
 
 
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    with Cluster(tmp_path_factory.mktemp("cluster")) as started:
-        yield started
-
-
 def columns(result: Any) -> dict[str, np.ndarray]:
     table = result.table()
     return {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
 
 
-def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path) -> None:
-    victims = list(cluster.worker_pids[:1])
-
-    def kill(done: int, total: int, failed: int) -> None:
-        if victims:
-            os.kill(victims.pop(), signal.SIGKILL)
-
+def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path, here: str) -> None:
     description = plan(tmp_path, draws=200)
-    result = sweep(description, tmp_path / "out", scheduler=cluster.address, batch=7, progress=kill)
-    assert not victims
+    with one_more_worker(here) as victim:
+
+        def kill(done: int, total: int, failed: int) -> None:
+            with suppress(ProcessLookupError):
+                os.kill(victim, signal.SIGKILL)
+
+        result = sweep(description, tmp_path / "out", scheduler=here, batch=7, progress=kill)
     found = columns(result)
     assert found["run"].tolist() == list(range(200))
     assert set(found["status"]) == {"ok"}
@@ -101,7 +94,7 @@ simulation: {duration: 1.5, rate: 10, method: dopri853, tolerance: 1.0e-10}
 
 
 def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
-    cluster: Cluster, tmp_path: Path
+    tmp_path: Path, here: str
 ) -> None:
     """E = (m v^2 + k x^2) / 2, <E> = (m 0.2^2 + k 0.03^2) / 2, and half of it is in the spring."""
     (tmp_path / "oscillator.yaml").write_text(OSCILLATOR)
@@ -113,7 +106,7 @@ def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
     outputs["stored"] = "integral(potential_energy) / 3"
     description = {"scene": str(tmp_path / "oscillator.yaml"), "vary": vary, "outputs": outputs}
     description |= {"draws": 400, "seed": 3}
-    found = columns(sweep(description, tmp_path / "out", scheduler=cluster.address))
+    found = columns(sweep(description, tmp_path / "out", scheduler=here))
     closed = 0.5 * (2.0 * found["v"] ** 2 + 50.0 * found["x"] ** 2)
     assert found["end"] == pytest.approx(closed, rel=1e-10, abs=1e-14)
     assert found["spread"].max() < 1e-11
@@ -123,9 +116,7 @@ def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
     assert abs(found["stored"] / closed - 0.5).max() < 1.0 / 30.0 + 0.01
 
 
-def test_where_balls_land_has_the_moments_of_the_closed_form(
-    cluster: Cluster, tmp_path: Path
-) -> None:
+def test_where_balls_land_has_the_moments_of_the_closed_form(tmp_path: Path, here: str) -> None:
     """t = (v + sqrt(v^2 + 2 g h)) / g and x = u t, u apart from t: <x> = <u> <t>."""
     (tmp_path / "ball.yaml").write_text(BALL)
     vary = {
@@ -137,7 +128,7 @@ def test_where_balls_land_has_the_moments_of_the_closed_form(
     outputs = {"t": t, "x": f"u * {t}"}
     description = {"scene": str(tmp_path / "ball.yaml"), "vary": vary, "outputs": outputs}
     description |= {"draws": 100, "sampling": "sobol"}
-    found = columns(sweep(description, tmp_path / "out", scheduler=cluster.address))
+    found = columns(sweep(description, tmp_path / "out", scheduler=here))
     closed = (found["v"] + np.sqrt(found["v"] ** 2 + 2.0 * 9.81 * (found["h"] - 0.1))) / 9.81
     assert found["t"] == pytest.approx(closed, abs=1e-12)
     assert found["x"].sum() == pytest.approx((found["u"] * closed).sum(), abs=1e-10)
@@ -322,8 +313,8 @@ def test_every_kind_of_event_can_be_asked_for() -> None:
     assert words <= set(EVENT_KINDS)
 
 
-def test_what_goes_wrong_on_a_cluster_is_not_the_schedulers_silence(cluster: Cluster) -> None:
-    with pytest.raises(OSError, match="^disk$"), client(None, cluster.address):
+def test_what_goes_wrong_on_a_cluster_is_not_the_schedulers_silence(here: str) -> None:
+    with pytest.raises(OSError, match="^disk$"), client(None, here):
         raise OSError("disk")
 
 
