@@ -19,23 +19,26 @@ import numpy as np
 
 from rb_sim.bags.info import GrowingTime
 from rb_sim.base.names import first_few
+from rb_sim.io.messages.cdr import JOINT_STATE
 from rb_sim.numerics.rotations import angle_between, cross, rotate, unit
 from rb_sim.numerics.rotations import product as turned
 
 # Kinds of readings.
 
 
-POSE, TWIST, WRENCH, IMU, SCALAR = "pose", "twist", "wrench", "imu", "scalar"
+POSE, TWIST, WRENCH, IMU = "pose", "twist", "wrench", "imu"
+SCALAR, JOINT = "scalar", "joint"
 
 
 class Piece(NamedTuple):
     """Consecutive readings of one source, in the order of the file."""
 
     source: str
-    """the topic; TOPIC:CHILD for transforms; TOPIC:twist for the twist of an Odometry; if ambiguous
-    a name made by `Sources`."""
+    """the topic; TOPIC:CHILD for transforms and joints; TOPIC:twist for the twist of an Odometry;
+    if ambiguous a name made by `Sources`."""
     kind: str
-    """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR."""
+    """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR,
+    JOINT [rad or m]."""
     frame: str
     child: str
     t: np.ndarray
@@ -81,7 +84,7 @@ class Origin(NamedTuple):
 
 
 class Sources:
-    """Assigns a name to each origin: the topic (TOPIC:CHILD for transforms) to the first, for later
+    """Assigns a name to each origin: the topic (TOPIC:CHILD as in Piece) to the first, for later
     ones with the difference in brackets."""
 
     def __init__(self) -> None:
@@ -107,7 +110,7 @@ class Sources:
     def name(self, topic: str, ros_type: str, frame: str, child: str, channel: int = 0) -> str:
         """Name of the source of these readings. Raises ValueError if a topic has too many."""
         origin = Origin(ros_type, frame.removeprefix("/"), child.removeprefix("/"))
-        base = f"{topic}:{child}" if ros_type in TRANSFORMS else topic
+        base = f"{topic}:{child}" if ros_type in (*TRANSFORMS, JOINT_STATE) else topic
         named = self._named.setdefault(base, {})
         if origin not in named:
             count = self._of_topic[topic] = self._of_topic.get(topic, 0) + 1
