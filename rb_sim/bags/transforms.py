@@ -181,16 +181,22 @@ def chains(pieces: Iterable[Piece], wanted: frozenset[str]) -> list[Chain]:
     wanted: frames whose poses are composed even if fixed to their parent. Frames with two parents
     or in a cycle are not part of a tree and are excluded.
     """
-    trees: dict[str, Links] = {}
     firsts: dict[str, Piece] = {}
     for piece in pieces:
-        if piece.kind == POSE and piece.source not in firsts:
-            firsts[piece.source] = piece
-            if piece.transform:
-                links = trees.setdefault(namespace(piece.source), {})
-                links.setdefault(plain(piece.child), {})[plain(piece.frame)] = piece.source
+        if piece.kind == POSE:
+            firsts.setdefault(piece.source, piece)
+    trees = _trees(piece for piece in firsts.values() if piece.transform)
     made = [_chain(piece, trees, firsts, wanted) for piece in firsts.values()]
     return [chain for chain in made if chain is not None]
+
+
+def _trees(pieces: Iterable[Piece]) -> dict[str, Links]:
+    """Trees of these transforms, by namespace."""
+    trees: dict[str, Links] = {}
+    for piece in pieces:
+        links = trees.setdefault(namespace(piece.source), {})
+        links.setdefault(plain(piece.child), {})[plain(piece.frame)] = piece.source
+    return trees
 
 
 def plain(frame: str) -> str:
@@ -238,10 +244,11 @@ def _tree_of(piece: Piece, trees: dict[str, Links]) -> Links:
     return known[0] if len(known) == 1 else {}
 
 
-def _way(frame: str, links: Links) -> tuple[tuple[str, ...], str] | None:
-    """Transforms from a frame up to the root, and the root; None if ambiguous."""
+def _way(frame: str, links: Links, ends: Container[str] = ()) -> tuple[tuple[str, ...], str] | None:
+    """Transforms from a frame up to the root, or the first of `ends` above it, and that frame; None
+    if ambiguous."""
     way: list[str] = []
-    while frame in links:
+    while frame in links and not (way and frame in ends):
         parents = links[frame]
         if len(parents) != 1 or len(way) > len(links):
             return None
@@ -415,7 +422,7 @@ class _History:
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Poses (n, 7) at times t; masks of the known and of the interpolated ones."""
         if not len(self._t):
-            return np.tile([0.0] * 6 + [1.0], (len(t), 1)), np.zeros(len(t), bool), t < -np.inf
+            return HERE.repeat(len(t), axis=0), np.zeros(len(t), bool), t < -np.inf
         upper = np.clip(np.searchsorted(self._t, t), 0, len(self._t) - 1)
         lower = np.maximum(upper - 1, 0)
         same = self._t[upper] == t
@@ -462,14 +469,8 @@ def _some(names: list[str]) -> str:
 
 
 Array = np.ndarray
-HERE = np.array([0.0] * 6 + [1.0])
-"""The identity pose."""
-
-
-class _Link(NamedTuple):
-    parent: str
-    pose: Array
-    """of the child in the parent, shape (7,)."""
+HERE = np.array([[0.0] * 6 + [1.0]])
+"""The identity pose, shape (1, 7)."""
 
 
 class FixedFrames:
@@ -477,40 +478,30 @@ class FixedFrames:
     excluded."""
 
     def __init__(self, pieces: Iterable[Piece] = ()) -> None:
-        self._trees: dict[str, dict[str, _Link | None]] = {}
-        for piece in pieces:
-            if piece.kind != POSE or not piece.transform or not is_static(piece.source):
-                continue
-            links = self._trees.setdefault(namespace(piece.source), {})
-            child, pose = plain(piece.child), piece.values[0, :7].copy()
-            pose[3:] /= np.linalg.norm(pose[3:])
-            link = links.setdefault(child, _Link(plain(piece.frame), pose))
-            one = link is not None and link.parent == plain(piece.frame)
-            if not one or not (piece.values == piece.values[0]).all():
-                links[child] = None
+        fixed = [p for p in pieces if p.kind == POSE and p.transform and is_static(p.source)]
+        self._trees = _trees(fixed)
+        self._poses: dict[str, Array] = {}
+        self._changing: set[str] = set()
+        for piece in fixed:
+            first = self._poses.setdefault(piece.source, piece.values[:1])
+            if not (piece.values == first).all():
+                self._changing.add(piece.source)
 
     def carrier(self, frame: str, bodies: Container[str]) -> tuple[str, Array] | None:
         """Nearest ancestor of a frame among `bodies`, and the frame's pose in it, (7,).
 
         None if there is none, or if the trees of several namespaces disagree.
         """
-        found = [way for links in self._trees.values() if (way := _up(frame, links, bodies))]
+        found = []
+        for links in self._trees.values():
+            way, above = _way(plain(frame), links, bodies) or ((), "")
+            if way and above in bodies and not self._changing.intersection(way):
+                pose = HERE
+                for source in way:
+                    pose = product(_unit(self._poses[source]), pose)
+                found.append((above, pose[0]))
         same = all(f == found[0][0] and np.array_equal(p, found[0][1]) for f, p in found)
         return found[0] if found and same else None
-
-
-def _up(
-    frame: str, links: dict[str, _Link | None], bodies: Container[str]
-) -> tuple[str, Array] | None:
-    at, pose = plain(frame), HERE
-    for _ in range(len(links) + 1):  # also ends in a cycle
-        if at in bodies and pose is not HERE:
-            return at, pose
-        link = links.get(at)
-        if link is None:
-            return None
-        at, pose = link.parent, product(link.pose[None], pose[None])[0]
-    return None
 
 
 def carried_over(wrench: Array, pose: Array) -> Array:
