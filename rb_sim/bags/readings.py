@@ -545,41 +545,40 @@ class Readings:
         t = stamp * 1e-9
         values, kind = group.values, READ[ros_type].kind
         self._read.add(channel.topic)
+        none = np.empty((len(t), 0))
         if kind == JOINT:
             frame, *joints = group.names
             for name, column in zip(joints, values.T, strict=False):
                 source = self._sources.name(channel.topic, ros_type, frame, name, channel.id)
-                yield Piece(source, kind, frame, name, t, log, column[:, None], stamp)
+                yield Piece(source, kind, frame, name, t, log, column[:, None], stamp, none)
             return
-        names = [*group.names, "", ""]
-        source = self._sources.name(channel.topic, ros_type, names[0], names[1], channel.id)
+        frame, child, *_ = [*group.names, "", ""]
+        source, twist = self._sources.name(channel.topic, ros_type, frame, child, channel.id), none
         if ros_type == "nav_msgs/msg/Odometry":
-            twist, values = values[:, 7:13], values[:, :7]
-            yield Piece(f"{source}:twist", TWIST, names[1], names[1], t, log, twist, stamp)
+            values, twist = np.split(values, [7], axis=1)
+            yield Piece(f"{source}:twist", TWIST, child, child, t, log, twist, stamp, none)
+            known = (np.abs(twist) <= HUGE).all(axis=1, keepdims=True)
+            twist = np.where(known, twist, np.nan)
         is_transform = ros_type in TRANSFORMS
-        yield Piece(source, kind, names[0], names[1], t, log, values, stamp, is_transform)
+        yield Piece(source, kind, frame, child, t, log, values, stamp, twist, is_transform)
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
         """The reading without rows that are not finite, huge, or have a zero quaternion."""
         counts = self._counts.setdefault(piece.source, Counter())
-        good = np.isfinite(piece.values).all(axis=1)
-        if not good.all():
-            counts["readings with NaN or infinity skipped"] += int((~good).sum())
-        beyond = good & (np.abs(piece.values) > HUGE).any(axis=1)
-        if beyond.any():
-            counts[f"readings beyond {HUGE:g} skipped"] += int(beyond.sum())
-            good &= ~beyond
+        size = np.abs(piece.values).max(axis=1)
+        known, good = np.isfinite(size), size <= HUGE
+        found = {
+            "readings with NaN or infinity skipped": ~known,
+            f"readings beyond {HUGE:g} skipped": known & ~good,
+        }
         if piece.kind == POSE:
-            q = piece.values[:, 3:7].copy()
-            q[~good] = 0.0  # avoids overflow of the squares
-            length = np.linalg.norm(q, axis=1)
-            zero = good & (length < UNIT)
-            if zero.any():
-                counts["readings with a quaternion of length 0 skipped"] += int(zero.sum())
+            length = np.linalg.norm(np.where(good[:, None], piece.values[:, 3:7], 0.5), axis=1)
+            zero = length < UNIT
             good &= ~zero
             far = good & (np.abs(length - 1) > UNIT)
-            if far.any():
-                counts["quaternions are not of unit length (taken as a rotation)"] += int(far.sum())
+            found["readings with a quaternion of length 0 skipped"] = zero
+            found["quaternions are not of unit length (taken as a rotation)"] = far
+        counts.update({what: int(which.sum()) for what, which in found.items() if which.any()})
         if good.any():
             yield piece.take(good)
 

@@ -49,6 +49,9 @@ class Piece(NamedTuple):
     """shape (n, number of columns of the kind)."""
     stamp: np.ndarray
     """t as integers [ns], exact also since the epoch, shape (n,)."""
+    twist: np.ndarray
+    """of poses whose messages also hold one, in the axes of the child, shape (n, 6), NaN if it is
+    not finite; else (n, 0)."""
     transform: bool = False
     """whether it belongs to a tree of transforms."""
 
@@ -57,7 +60,7 @@ class Piece(NamedTuple):
         return self._replace(**{name: getattr(self, name)[which] for name in COLUMNS})
 
 
-COLUMNS = ("t", "log", "values", "stamp")
+COLUMNS = ("t", "log", "values", "stamp", "twist")
 """Fields of a Piece with a row for each reading."""
 
 
@@ -389,7 +392,7 @@ class Composed:
         if known.any():
             yield piece.take(known)._replace(
                 source=chain.name, frame=chain.root, child=chain.child, values=pose[known],
-                transform=False,
+                twist=np.empty((int(known.sum()), 0)), transform=False,
             )  # fmt: skip
 
     def _count(self, name: str, known: Array, between: Array) -> None:

@@ -283,8 +283,6 @@ class Anybody:
         self._twists = Twists()
         self._falls: dict[str, Fall] = {}
         """by source of poses."""
-        self._own_twists: dict[str, list[Piece]] = {}
-        """twists of messages that also hold a pose, until those poses arrive."""
         self._early: list[tuple[Piece, np.ndarray]] = []
         self._stamp: dict[str, int] = {}
         self._same: Counter[str] = Counter()
@@ -327,8 +325,6 @@ class Anybody:
             self._add(piece, t)
         elif piece.kind == TWIST:
             self._twists.add(piece, t)
-            if piece.source.endswith(":twist"):
-                self._own_twists.setdefault(piece.source.removesuffix(":twist"), []).append(piece)
         elif piece.kind == WRENCH and self._masses:
             self._acted(piece, t)
 
@@ -337,24 +333,12 @@ class Anybody:
         last = self._stamp.get(piece.source)
         fresh = np.diff(piece.stamp, prepend=piece.stamp[0] - 1 if last is None else last) != 0
         self._stamp[piece.source] = int(piece.stamp[-1])
-        twist = self._twist_at(piece)
         if not fresh.all():
             self._same[piece.source] += int((~fresh).sum())
-            t, piece = t[fresh], piece._replace(values=piece.values[fresh])
-            twist = None if twist is None else twist[fresh]
+            t, piece = t[fresh], piece.take(fresh)
         if len(t):
+            twist = piece.twist if piece.twist.shape[1] else None
             self._found.bodies[piece.source].add(t, piece.values, twist=twist)
-
-    def _twist_at(self, piece: Piece) -> np.ndarray | None:
-        """Twists with the stamps of these poses, shape (n, 6); NaN for a pose without one."""
-        parts = self._own_twists.pop(piece.source, [])
-        if not parts:
-            return None
-        stamp = np.concatenate([part.stamp for part in parts])
-        order = np.argsort(stamp, kind="stable")
-        at = order[np.minimum(np.searchsorted(stamp[order], piece.stamp), len(stamp) - 1)]
-        values = np.concatenate([part.values for part in parts])[at]
-        return np.where((stamp[at] == piece.stamp)[:, None], values, np.nan)
 
     def finish(self) -> None:
         """Finish balances and constraint errors, after the last reading."""
