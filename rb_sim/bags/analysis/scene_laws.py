@@ -248,25 +248,25 @@ class ConstraintFigures:
 
     def __init__(self, laws: SceneLaws) -> None:
         self._laws = laws
-        names = dict.fromkeys(line.constraint for line in laws.lines)
-        self._position = {name: _Worst() for name in names if self._of(name, True)}
-        self._velocity = {name: _Worst() for name in names}
+        rows: dict[str, list[int]] = {}
+        for k, line in enumerate(laws.lines):
+            rows.setdefault(line.constraint, []).append(k)
+        holonomic = {n: [k for k in ks if laws.lines[k].holonomic] for n, ks in rows.items()}
+        self._rows = rows, holonomic
+        self._position = {name: _Worst() for name, ks in holonomic.items() if ks}
+        self._velocity = {name: _Worst() for name in rows}
         self._overlap = {name: _Worst() for name in laws.points}
         self._relative = 0.0
-
-    def _of(self, name: str, holonomic: bool = False) -> list[int]:
-        """Indices of the equations of a constraint, or only of its holonomic ones."""
-        lines = enumerate(self._laws.lines)
-        return [k for k, x in lines if x.constraint == name and (x.holonomic or not holonomic)]
 
     def add(self, t: Array, found: Found) -> None:
         """Append instants t (n,) [s] and the laws' values at them."""
         if not len(t):
             return
+        rows, holonomic = self._rows
         for name, worst in self._position.items():
-            worst.follow(t, np.abs(found.gap[:, self._of(name, True)]).max(axis=1))
+            worst.follow(t, np.abs(found.gap[:, holonomic[name]]).max(axis=1))
         for name, worst in self._velocity.items():
-            worst.follow(t, np.abs(found.slip[:, self._of(name)]).max(axis=1))
+            worst.follow(t, np.abs(found.slip[:, rows[name]]).max(axis=1))
         for k, worst in enumerate(self._overlap.values()):
             worst.follow(t, found.overlap[:, k])
         arms = np.array([line.arm for line in self._laws.lines])
