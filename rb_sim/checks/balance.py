@@ -28,7 +28,7 @@ from rb_sim.io.contact_power import contacts_of, smooth_power
 from rb_sim.numerics.rotations import cross, norms, rotate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rb_sim.checks.sample_integrals import Flags
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
@@ -120,13 +120,14 @@ def contacts_may_give(scene: Scene) -> bool:
 
 def unknown_force(scene: Scene) -> str:
     """Name of the first effect with an external force that is not among the samples; or ""."""
-    for name, effect in scene.effects.items():
-        kind: str = effect.type  # type: ignore[attr-defined]
-        between_bodies = getattr(effect, "parent", None) is not None
-        steady = kind == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3  # type: ignore[attr-defined]
-        if not (kind in ("gravity", "commanded_wrench") or between_bodies or steady):
-            return name
-    return ""
+    unknown = (n for n, e in scene.effects.items() if getattr(e, "parent", None) is None)
+    return next((name for name in unknown if not is_known(scene.effects[name])), "")
+
+
+def is_known(effect: Any) -> bool:
+    """Whether the wrench of an effect follows from samples and scene."""
+    steady = effect.type == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3
+    return steady or effect.type in ("gravity", "commanded_wrench")
 
 
 # The energy that a run exchanges, which is the scale of its energy error.
@@ -190,50 +191,68 @@ def farthest(points: Array) -> float:
 # The external wrench, whose impulse is compared with the change of momentum.
 
 
+class Load(NamedTuple):
+    """A wrench on a body, world axes."""
+
+    body: int
+    parent: int | None
+    """the body on which it acts in the opposite direction; None: the world."""
+    force: Array
+    """[N], shape (n, 3) or (3,)."""
+    torque: Array
+    """[N m], about the point."""
+    point: Array
+    """point of application, from the world's origin [m]."""
+
+
+def loads(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Iterator[Load]:
+    """All wrenches in the samples: of reactions, and of effects whose force is known."""
+    index, none = layout.bodies.index, np.zeros(3)
+    for k, name in enumerate(layout.reactions):
+        if "/" in name:
+            continue  # part of a total
+        parent = getattr(scene.constraints[name], "parent", None)
+        parent, body = None if parent is None else index(parent), index(layout.reaction_bodies[k])
+        force, torque = block.reaction_force[:, k], block.reaction_torque[:, k]
+        yield Load(body, parent, force, torque, block.anchor[:, k])
+    effects: list[Any] = [effect for effect in scene.effects.values() if is_known(effect)]
+    for effect in effects:
+        if effect.type == "gravity":
+            for body in map(index, effect.bodies or layout.bodies):
+                weight = scene.bodies[layout.bodies[body]].mass * np.array(effect.acceleration)
+                yield Load(body, None, weight, none, block.position[:, body])
+            continue
+        body, point_B = index(effect.body), np.array(getattr(effect, "point_B", none))
+        if effect.type == "commanded_wrench":
+            force, torque = np.split(block.command[:, layout.commanded.index(effect.body)], 2, 1)
+        else:
+            force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
+            if effect.frame == "body":
+                q = block.orientation[:, body]
+                force, torque = rotate(q, force), rotate(q, torque)
+        yield Load(body, None, force, torque, _point(block, scene, layout, effect.body, point_B))
+
+
 def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
     """Sum of the external [force, torque about the world origin], world axes, (n, 6)."""
     total = np.zeros((len(block), 6))
-    for k, name in enumerate(layout.reactions):
-        if "/" in name or getattr(scene.constraints[name], "parent", None) is not None:
-            continue  # part of a total, or an internal force
-        put(total, block.reaction_force[:, k], block.reaction_torque[:, k], block.anchor[:, k])
-    for effect in scene.effects.values():
-        kind: str = effect.type  # type: ignore[attr-defined]
-        if kind == "gravity":
-            _put_gravity(total, effect, block, scene, layout)
-        elif kind == "commanded_wrench":
-            command = block.command[:, layout.commanded.index(effect.body)]  # type: ignore[attr-defined]
-            origin = _point(block, scene, layout, effect.body, np.zeros(3))  # type: ignore[attr-defined]
-            put(total, command[:, :3], command[:, 3:], origin)
-        elif kind == "wrench":
-            _put_wrench(total, effect, block, scene, layout)
+    for load in loads(block, scene, layout):
+        if load.parent is None:
+            total[:, :3] += load.force
+            total[:, 3:] += load.torque + cross(load.point, load.force)
     return total
 
 
-def put(total: Array, force: Array, torque: Array, point: Array) -> None:
-    """Add a force at `point` and a free torque, in place; each (n, 3) or (3,)."""
-    total[:, :3] += force
-    total[:, 3:] += torque + cross(point, force)
-
-
-def _put_gravity(
-    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
-) -> None:
-    for body in effect.bodies or layout.bodies:
-        force = scene.bodies[body].mass * np.array(effect.acceleration)
-        total[:, :3] += force
-        total[:, 3:] += cross(block.position[:, layout.bodies.index(body)], force)
-
-
-def _put_wrench(
-    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
-) -> None:
-    point = _point(block, scene, layout, effect.body, np.array(effect.point_B))
-    force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
-    if effect.frame == "body":
-        q = block.orientation[:, layout.bodies.index(effect.body)]
-        force, torque = rotate(q, force), rotate(q, torque)
-    put(total, force, torque, point)
+def wrenches_on_bodies(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
+    """Sum of the [force, torque about the centre of mass] on each of N bodies, world axes,
+    shape (n, N, 6)."""
+    total = np.zeros((len(block), len(layout.bodies), 6))
+    for load in loads(block, scene, layout):
+        for i, sign in ((load.body, 1.0), (load.parent, -1.0)):
+            if i is not None:
+                moment = load.torque + cross(load.point - block.position[:, i], load.force)
+                total[:, i] += sign * np.hstack([np.broadcast_to(load.force, moment.shape), moment])
+    return total
 
 
 def _point(

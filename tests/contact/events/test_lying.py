@@ -233,7 +233,9 @@ FALLEN: dict[str, tuple[list[float], list[float], float, float, float]] = {
 @pytest.mark.parametrize("name", FALLEN)
 def test_a_fallen_disk_is_given_no_energy(name: str) -> None:
     q, rates, mu, restitution, tolerance = FALLEN[name]
-    disk = body({"type": "disk", "radius": 0.05}, [0, 0, 0.2], orientation=q, angular_velocity=rates)
+    disk = body(
+        {"type": "disk", "radius": 0.05}, [0, 0, 0.2], orientation=q, angular_velocity=rates
+    )
     made = scene(disk, touch(mu=mu, restitution=restitution))
     times = np.linspace(0.0, 1.2, 601).tolist()
     energy = contact_run(made, times, tolerance=tolerance).trajectory.energy
