@@ -34,7 +34,7 @@ from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.bags.transforms import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.errors import SinkError
 from rb_sim.base.names import MOST_NAMED, first_few
-from rb_sim.checks.balance import Events, Ledger, tells_force, wrenches_on_bodies
+from rb_sim.checks.balance import Events, Ledger, is_known, wrenches_on_bodies
 from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, centers_of_mass, origins
@@ -108,7 +108,7 @@ class RecordedRun:
     def _unknown(self) -> list[str]:
         """A line if effects exert a wrench that is not recorded."""
         effects = self._scene.effects.items()
-        unknown = [f"{name} ({e.type})" for name, e in effects if not tells_force(e)]  # type: ignore[attr-defined]
+        unknown = [f"{name} ({e.type})" for name, e in effects if not is_known(e)]  # type: ignore[attr-defined]
         text = f"the samples do not contain the wrench of {', '.join(unknown)}"
         return [f"{text}; the recorded total does not include it"] if unknown else []
 
