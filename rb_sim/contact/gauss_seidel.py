@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,

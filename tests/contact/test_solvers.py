@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.contact.contact_graph import CONTACT_ROWS
+from rb_sim.contact.problem import CONTACT_ROWS
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from tests.contact.problems import COLLECTION, dense, residual
 from tests.interpreted import interpreted
@@ -51,7 +51,7 @@ def test_gauss_seidel_solves(name: str) -> None:
 
 def bodies_of(graph: Any) -> np.ndarray:
     """Masses and inertias of the balls of a graph, as the table of a system has them."""
-    from rb_sim.contact.contact_graph import LIGHT_A, LIGHT_B
+    from rb_sim.contact.problem import LIGHT_A, LIGHT_B
     from rb_sim.mechanics.systems.many_bodies import INVERSE
 
     table = np.zeros((graph.ends.max() + 1, INVERSE + 6))

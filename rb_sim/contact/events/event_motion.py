@@ -241,7 +241,7 @@ def nearly_depend(at: Instant) -> bool:
     """True where rows that hold are taken to depend on each other, but do not to the last: forces
     that keep all of them at rest are none, or without bound."""
     held = at.workspace.used[: find_held(at.system, at.workspace)]
-    rows = scaled_rows(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
+    rows = scaled_rows(at.rows[held] @ np.linalg.cholesky(at.inverse_mass))
     _, s, _ = singular_values(rows, "the constraint equations of contacts that come to rest")
     return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
 

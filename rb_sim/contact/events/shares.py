@@ -96,8 +96,9 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     """By how much other shares than y change the accelerations within all bounds, relative to the
     largest that the loads or the reactions make; a turn counts by the scene's length."""
     workspace = at.workspace
-    responses = at.inverse_mass @ workspace.W[reactions.held].T
-    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(workspace.free_accelerations) // 6)
+    responses = at.inverse_mass @ at.pushes[reactions.held].T
+    loads = workspace.free_accelerations.reshape(-1)
+    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(loads) // 6)
     terms = weights * (np.abs(responses) @ np.abs(reactions.least))
     size, ways = np.linalg.svd(weights[:, None] * (responses @ reactions.self_stress))[1:]
     if not size[0] > OPEN * terms.max():
@@ -105,7 +106,7 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
     if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
         return 0.0
-    own = responses @ reactions.least, workspace.free_accelerations / reactions.unit
+    own = responses @ reactions.least, loads / reactions.unit
     return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
 
 
@@ -199,8 +200,9 @@ def reactions_of(at: Instant) -> Reactions | None:
     if count == at.first[0]:
         return None
     held, workspace = at.workspace.used[:count].tolist(), at.workspace
-    A = workspace.J[held] @ at.inverse_mass @ workspace.W[held].T
-    b = workspace.J[held] @ workspace.free_accelerations + workspace.row_bias[held]
+    J = at.rows[held]
+    A = J @ at.inverse_mass @ at.pushes[held].T
+    b = J @ workspace.free_accelerations.reshape(-1) + workspace.row_bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)

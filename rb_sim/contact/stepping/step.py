@@ -29,7 +29,15 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.few_contacts import are_few, solve_few
+from rb_sim.contact.gauss_seidel import (
+    ROUGH,
+    factor_joints,
+    fill_block,
+    gauss_seidel,
+    is_plain,
+)
+from rb_sim.contact.problem import (
     BOUND,
     CONTACT_ROWS,
     ENOUGH,
@@ -40,14 +48,6 @@ from rb_sim.contact.contact_graph import (
     TURN_B,
     add_impulse,
     rate_of,
-)
-from rb_sim.contact.few_contacts import are_few, solve_few
-from rb_sim.contact.gauss_seidel import (
-    ROUGH,
-    factor_joints,
-    fill_block,
-    gauss_seidel,
-    is_plain,
 )
 from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, speed_at
