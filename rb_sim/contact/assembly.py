@@ -30,13 +30,16 @@ from rb_sim.contact.problem import (
     PULLS,
     ROLLS,
     SPINS,
+    add_impulse,
     arm_of,
     fill_delassus,
     fill_free,
     lay_out,
+    mean_rate,
     problem_of,
     rate_of,
     respond,
+    size_of_terms,
 )
 from rb_sim.mechanics.contact.accelerations import unconstrained
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -54,11 +57,10 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import Array
-from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, RESPONSE, WIDTH, six
+from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, RESPONSE, WIDTH
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.complementarity import CONTRADICTION, row_times, solution
 from rb_sim.numerics.kernels import pointer
-from rb_sim.numerics.vectors import symmetric_times
 
 
 def inverse_mass(system: ContactBodies) -> Array:
@@ -76,29 +78,22 @@ def inverse_mass(system: ContactBodies) -> Array:
     return out
 
 
-def momentum_of(system, rows, x, p):
-    """p = J^T x, of all rows."""
-    for i in range(p.shape[0]):
+def push(system, workspace, x, u, after):
+    """after = u + M^-1 J^T x of all rows; returns the work of x [J], without what driven supports
+    take of it, and the size of its terms."""
+    rows, ends, work, size = workspace.all_rows, system.row_table, 0.0, 1e-300
+    for i in range(u.shape[0]):
         for j in range(6):
-            p[i, j] = 0.0
+            after[i, j] = u[i, j]
     for k in range(x.shape[0]):
         if x[k] != 0.0:
-            b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
-            for j in range(6):
-                p[b, j] += rows[k, j] * x[k]
-            if a >= 0:
-                for j in range(6):
-                    p[a, j] += rows[k, 6 + j] * x[k]
-
-
-def inverse_mass_times(system, p, du):
-    """du = M^-1 p."""
-    for i in range(system.bodies.shape[0]):
-        s = 1.0 / system.bodies[i, MASS]
-        turn = symmetric_times(six(system.bodies, i, INVERSE), (p[i, 3], p[i, 4], p[i, 5]))
-        for k in range(3):
-            du[i, k] = s * p[i, k]
-            du[i, 3 + k] = turn[k]
+            add_impulse(rows, k, after, ends[k, BODY], ends[k, PARENT], x[k])
+    for k in range(x.shape[0]):
+        if x[k] != 0.0:
+            b, a = ends[k, BODY], ends[k, PARENT]
+            work += x[k] * mean_rate(rows, k, u, after, b, a)
+            size += abs(x[k]) * size_of_terms(rows, k, u, b, a)
+    return work, size
 
 
 def read_velocities(system, y, u):

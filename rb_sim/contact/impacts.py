@@ -32,9 +32,8 @@ from rb_sim.contact.assembly import (
     Velocities,
     along_rows,
     assemble,
-    inverse_mass_times,
     lay_out_in,
-    momentum_of,
+    push,
     read_velocities,
     solve_in,
     write_all_rows,
@@ -60,6 +59,7 @@ from rb_sim.contact.problem import (
     BOUND,
     FREE,
     HOLDS,
+    LEAST,
     PART,
     PULLS,
     ROLLS,
@@ -318,16 +318,16 @@ def friction_limits(system, c, v):
     return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
-def lay_out_impact(system, workspace, v, together, loose):
+def lay_out_impact(system, workspace, v, rule, loose):
     """The rows and laws of an impact of what takes part; returns (rows, bounds).
 
     loose: what is perfectly rough and does not part has no friction but holds.
     """
     table, rules = system.contact_table, workspace.contact_rules
     for c in range(table.shape[0]):
-        both = table[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
+        both = table[c, BILATERAL] == 1.0 or (rule.together and workspace.together[c] == 1)
         rules[c, PART] = FREE if workspace.taking_part[c] == 1 else APART
-        rules[c, PULLS] = 1.0 if both else 0.0
+        rules[c, PULLS], rules[c, LEAST] = 1.0 if both else 0.0, rule.least[c]
         rules[c, BOUND] = HOLDS if loose and grips(system, c, v) else friction_limits(system, c, v)
         rules[c, ROLLS] = table[c, ROLLING_ARM]
         rules[c, SPINS] = table[c, SPINNING_ARM]
@@ -354,14 +354,12 @@ def take_least_shares(system, workspace, m, A, b, terms, x):
 
 def try_impulses(system, workspace, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
-    n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
+    n, m = lay_out_impact(system, workspace, before.v, rule, loose)
     A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
     assemble(system, workspace, VELOCITY, n, before.u, 1.0, A, b, terms)
     for c in range(system.contact_table.shape[0]):
         if workspace.taking_part[c] == 1:
-            i = workspace.place_of[first_row_of(system, c)]
-            b[i] *= 1.0 + rule.rebound[c]
-            workspace.least[i] = rule.least[c]
+            b[workspace.place_of[first_row_of(system, c)]] *= 1.0 + rule.rebound[c]
     status = solve_in(workspace, n, m, A, b, terms, found)
     if status == SOLVED:
         take_least_shares(system, workspace, m, A, b, terms, found)
@@ -389,14 +387,7 @@ def impulses_with(system, workspace, before, rule, x):
 
 def gains_energy(system, workspace, u, x):
     """True if the impulses would create kinetic energy (driven supports may)."""
-    p, du = np.empty_like(u), np.empty_like(u)
-    momentum_of(system, workspace.all_rows, x, p)
-    inverse_mass_times(system, p, du)
-    work, size = 0.0, 1e-300
-    for i in range(u.shape[0]):
-        for j in range(6):
-            work += p[i, j] * (u[i, j] + 0.5 * du[i, j])
-            size += abs(p[i, j]) * abs(u[i, j])
+    work, size = push(system, workspace, x, u, np.empty_like(u))
     for k in range(x.shape[0]):
         work -= x[k] * workspace.row_rate[k]
     return work > COMPUTED_ROUNDING * size
@@ -406,18 +397,13 @@ def poisson_impulses(system, workspace, before, rebound, x):
     """Into x those of compression to rest, then of at least e times its normal impulse once
     more."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)
-    first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
+    first, compressed = np.empty_like(x), Velocities(np.empty_like(before.u), np.empty_like(x))
     status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
     if status != SOLVED:
         return status
     for c in range(least.shape[0]):
         least[c] = rebound[c] * first[first_row_of(system, c)]
-    momentum_of(system, workspace.all_rows, first, p)
-    inverse_mass_times(system, p, du)
-    for i in range(du.shape[0]):
-        for j in range(6):
-            du[i, j] += before.u[i, j]
-    compressed = Velocities(du, np.empty_like(x))
+    push(system, workspace, first, before.u, compressed.u)
     along_rows(system, workspace, compressed.u, compressed.v)
     status = impulses_with(system, workspace, compressed, Rule(none, least, False, False), x)
     for k in range(x.shape[0]):
@@ -442,16 +428,13 @@ def must_stop_slipping(system, c):
 
 def apply_impulses(system, workspace, t, y, x):
     """Add the impulses to the velocities, and their work to that of the contacts."""
-    u, p = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.free_accelerations)
-    du = np.empty_like(u)
+    u = np.empty_like(workspace.free_accelerations)
+    after = np.empty_like(u)
     read_velocities(system, y, u)
-    momentum_of(system, workspace.all_rows, x, p)
-    inverse_mass_times(system, p, du)
-    work = 0.0
+    work, _ = push(system, workspace, x, u, after)
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            y[WIDTH * i + 7 + j] = u[i, j] + du[i, j]
-            work += p[i, j] * (u[i, j] + 0.5 * du[i, j])
+            y[WIDTH * i + 7 + j] = after[i, j]
     y[WIDTH * system.bodies.shape[0]] += work
     write_all_rows(system, t, y, workspace)
 

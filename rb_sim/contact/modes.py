@@ -38,7 +38,7 @@ from rb_sim.contact.event_workspace import (
     turning,
     velocity_tolerance_of,
 )
-from rb_sim.contact.problem import CONTACT_ROWS, add_row, fill_delassus, problem_of
+from rb_sim.contact.problem import fill_delassus, problem_of
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
@@ -73,7 +73,7 @@ from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
-from rb_sim.numerics.complementarity import EQUALITY, row_times
+from rb_sim.numerics.complementarity import row_times
 from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
@@ -86,21 +86,15 @@ FEW = 20
 """Rows up to which pivots tell that they do not depend on each other."""
 
 
-def find_held(system, workspace):
-    """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
-    table, n = system.contact_table, 0
-    for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, EQUALITY)
+def lay_out_held(system, workspace):
+    """The rows and laws of joints and closed contacts in their modes; returns (rows, bounds)."""
+    table = system.contact_table
     for c in range(table.shape[0]):
-        if table[c, CLOSED] == 0.0:
-            continue
-        k = first_row_of(system, c)
-        if table[c, COMPLIANT] == 0.0:
-            n = add_row(workspace, n, k, EQUALITY)
-        for j in range(1, CONTACT_ROWS):
-            if table[c, SLIDE + (j - 1) // 2] == STUCK:
-                n = add_row(workspace, n, k + j, EQUALITY)
-    return n
+        part = PRESSED if table[c, COMPLIANT] == 1.0 else CANDIDATE
+        workspace.taking_part[c] = part if table[c, CLOSED] != 0.0 else 0
+        for way in range(3):
+            workspace.moved[c, way] = 0
+    return lay_out_forces(system, workspace)
 
 
 def may_share(system, workspace):
@@ -111,7 +105,7 @@ def may_share(system, workspace):
     """
     for k in range(system.vectors.shape[1]):
         system.vectors[SHARES, k] = 0.0
-    n = find_held(system, workspace)
+    n, _ = lay_out_held(system, workspace)
     if n == first_row_of(system, 0):
         return False
     if n > FEW:

@@ -88,10 +88,10 @@ FINE = 1e-4
 """Natural map of the laws, relative to the largest impulse, that a step may leave where contacts
 contradict each other, and at which sweeps of a moving heap need no Newton's method and contacts
 need not grip firmer in it: it is reported as GAVE alone."""
-BOUND, COMPLIANCE, VISCOUS_PER_NORMAL, VISCOUS, PULLS, ROLLS, SPINS, PART, RULES = range(9)
+BOUND, COMPLIANCE, VISCOUS_PER_NORMAL, VISCOUS, PULLS, LEAST, ROLLS, SPINS, PART, RULES = range(10)
 """Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
 support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,
-arms of rolling and spinning resistance, and how the contact takes part."""
+least normal impulse, arms of rolling and spinning resistance, and how the contact takes part."""
 HOLDS = -2.0
 """Instead of a coefficient of friction: the contact does not slip, whatever that takes."""
 FREE, GIVEN, APART = 0.0, 1.0, 2.0
@@ -160,6 +160,11 @@ def coupled(rows, i, k, a):
             s += rows[i, 6 + j] * rows[k, LIGHT_A] * rows[k, 6 + j]
             s += rows[i, TORQUE_A + j] * rows[k, TURN_A + j]
     return s
+
+
+def mean_rate(rows, k, before, after, b, a):
+    """Mean of the rates of row k at two velocities: an impulse along it does so much work each."""
+    return 0.5 * (rate_of(rows, k, before, b, a) + rate_of(rows, k, after, b, a))
 
 
 def respond(rows, k, bodies, b, a):
@@ -246,6 +251,7 @@ def lay_out(rows, rules, first, arm, rough, laws):
             rule = rule_of(rules, i, j)
             if rule != NO_ROW:
                 n = add_row(laws, n, first[i] + j, rule)
+                laws.least[n - 1] = rules[i, LEAST] if j == 0 else 0.0
     for i in range(rules.shape[0]):
         k = first[i]
         for way in range(3):

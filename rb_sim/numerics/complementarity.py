@@ -241,23 +241,21 @@ def fill_steps(n, A, terms, step):
     return SUM_ROUNDING * blur
 
 
-# Solution of a complementarity problem with friction from several starts, and by proximal steps if
-# Newton's iteration fails from all of them.
+# Solution of a complementarity problem with friction from two starts, and by proximal steps if
+# Newton's iteration fails from both.
 
 
 CONTRADICTION = JUDGED_BY_CONTACT
 """Relative residual above which there is no solution: contact points within that of the scene's
 length, as at the ends of a lying rod, contradict each other by as much."""
-STARTS = 3
-"""Number of starts of Newton's iteration: zero, the solution with all rows held, the result of
-sweeps."""
+STARTS = 2
+"""Number of starts of Newton's iteration: zero, the solution with all rows held."""
 SOFTER, PROXIMAL_STEPS = 1e-3, 60
 """Added stiffness of a proximal step, relative to a row's own, and the most such steps."""
 
 
 def search(p, x, workspace, starts):
-    """Newton's iteration from x and, for `starts` > 1, from all rows held and from sweeps, until it
-    converges.
+    """Newton's iteration from x and, for `starts` > 1, from all rows held, until it converges.
 
     The best result is in x; returns its residual. workspace: `workspace_of(n)` numbers.
     """
@@ -270,8 +268,6 @@ def search(p, x, workspace, starts):
             trial[k] = -p.b[k] if start == 1 else x[k]
         if start == 1:
             least_squares(p.A, trial, n, trial, work)
-        elif start == 2:
-            sweep(p, trial)
         rest = newton(p, trial, work)
         if rest < residual:
             residual = rest

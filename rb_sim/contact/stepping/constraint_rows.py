@@ -21,6 +21,7 @@ from rb_sim.contact.problem import (
     CONTACT_ROWS,
     FORCE_A,
     FORCE_B,
+    LEAST,
     PULLS,
     ROLLS,
     SPINS,
@@ -143,7 +144,7 @@ def write_rules(
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
     stuck = slides == STUCK if slides >= 0.0 else slip <= SOLVED * scales[1]
-    rules[i, PULLS], rules[i, COMPLIANCE] = laws[c, BILATERAL], 0.0
+    rules[i, PULLS], rules[i, COMPLIANCE], rules[i, LEAST] = laws[c, BILATERAL], 0.0, 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING_ARM], laws[c, SPINNING_ARM]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
