@@ -19,6 +19,8 @@ import numpy as np
 from rb_sim.base.rounding import SOLVED
 from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.contact.problem import RULES
+from rb_sim.contact.problem import WIDTH as ROW_WIDTH
 from rb_sim.integrate.layout import INTEGER, REAL, Layout
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
@@ -43,9 +45,9 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import ContactEvent
-from rb_sim.mechanics.systems.many_bodies import BODY, vec
+from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.numerics.complementarity import BOUND_WIDTH
-from rb_sim.numerics.vectors import dot, norm, scale, sub
+from rb_sim.numerics.vectors import add, dot, norm, scale, sub
 
 # Which contacts touch at an instant, and how fast they move over their support.
 
@@ -111,33 +113,31 @@ WAYS = 3
 
 
 class Workspace(NamedTuple):
-    """Tables of n rows, 6 N velocities, C contacts; integers of a contact are 0 or 1."""
+    """Tables of n rows, N bodies, C contacts; integers of a contact are 0 or 1."""
 
-    J: np.ndarray
-    """rows of constraints and contacts, those of the candidates as if they held, (n, 6 N)."""
-    W: np.ndarray
-    """force directions: J, but for the normals of slipping contacts, (n, 6 N)."""
+    all_rows: np.ndarray
+    """of constraints and contacts, those of the candidates as if they held, see `problem`, (n,
+    ROW_WIDTH)."""
+    all_pushes: np.ndarray
+    """along which forces push: the rows, but for the normals of slipping contacts, likewise."""
     row_bias: np.ndarray
     row_rate: np.ndarray
     """b of J u = b, (n,)."""
     free_accelerations: np.ndarray
-    """from the loads alone, (6 N,)."""
+    """from the loads alone, (N, 6)."""
     impulses: np.ndarray
     """of every row, (n,)."""
     used: np.ndarray
-    """rows of the problem, (n + C,)."""
+    """this and what follows: see `problem.Laws`."""
     place_of: np.ndarray
-    """of each row among those, (n,)."""
+    units: np.ndarray
     rules: np.ndarray
-    """(n + C,)."""
     least: np.ndarray
-    """(n + C,)."""
     bounds: np.ndarray
-    """(3 C, BOUND_WIDTH)."""
     limits: np.ndarray
-    """(3 C,)."""
     moves: np.ndarray
-    """contact and way of each bound, (3 C, 2)."""
+    contact_rules: np.ndarray
+    """of each contact, see `problem`, (C, RULES)."""
     taking_part: np.ndarray
     """contacts that touch rigidly, and those that a compliant support presses (2), (C,)."""
     plastic: np.ndarray
@@ -169,19 +169,21 @@ class Workspace(NamedTuple):
 
 
 _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
-    "J": (REAL, ("rows", "velocities")),
-    "W": (REAL, ("rows", "velocities")),
+    "all_rows": (REAL, ("rows", ROW_WIDTH)),
+    "all_pushes": (REAL, ("rows", ROW_WIDTH)),
     "row_bias": (REAL, ("rows",)),
     "row_rate": (REAL, ("rows",)),
-    "free_accelerations": (REAL, ("velocities",)),
+    "free_accelerations": (REAL, ("bodies", 6)),
     "impulses": (REAL, ("rows",)),
-    "used": (INTEGER, ("places",)),
+    "used": (INTEGER, ("rows",)),
     "place_of": (INTEGER, ("rows",)),
-    "rules": (INTEGER, ("places",)),
-    "least": (REAL, ("places",)),
+    "units": (REAL, ("rows",)),
+    "rules": (INTEGER, ("rows",)),
+    "least": (REAL, ("rows",)),
     "bounds": (INTEGER, ("bounds", BOUND_WIDTH)),
     "limits": (REAL, ("bounds",)),
     "moves": (INTEGER, ("bounds", 2)),
+    "contact_rules": (REAL, ("contacts", RULES)),
     "taking_part": (INTEGER, ("contacts",)),
     "plastic": (INTEGER, ("contacts",)),
     "together": (INTEGER, ("contacts",)),
@@ -204,9 +206,8 @@ def workspace_for(system: ContactBodies) -> Workspace:
     """Tables for the system, not filled yet."""
     rows, contacts = len(system.row_table), len(system.contact_table)
     lengths = {
-        "rows": rows, "velocities": 6 * len(system.bodies), "contacts": contacts,
-        "bodies": len(system.bodies), "places": rows + contacts, "bounds": WAYS * contacts,
-        "counts": contacts + 1, "notes": 64 + 8 * contacts,
+        "rows": rows, "contacts": contacts, "bodies": len(system.bodies),
+        "bounds": WAYS * contacts, "counts": contacts + 1, "notes": 64 + 8 * contacts,
     }  # fmt: skip
     tables = {}
     for name, (kind, shape) in _FIELDS.items():
@@ -247,21 +248,16 @@ def note(workspace, t, c, kind, impulse):
 
 def note_impulses(system, workspace, t, kind):
     """One event for each contact that takes part in the impulses of the workspace."""
-    x, J, most = workspace.impulses, workspace.J, 0.0
+    x, rows, most = workspace.impulses, workspace.all_rows, 0.0
     for k in range(x.shape[0]):
         most = max(most, abs(x[k]))
     for c in range(system.contact_table.shape[0]):
         k = first_row_of(system, c)
         if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > SOLVED * most:
-            b = 6 * system.row_table[k, BODY]
-            note(
-                workspace, t, c, kind,
-                (
-                    J[k, b] * x[k] + J[k + 1, b] * x[k + 1] + J[k + 2, b] * x[k + 2],
-                    J[k, b + 1] * x[k] + J[k + 1, b + 1] * x[k + 1] + J[k + 2, b + 1] * x[k + 2],
-                    J[k, b + 2] * x[k] + J[k + 1, b + 2] * x[k + 1] + J[k + 2, b + 2] * x[k + 2],
-                ),
-            )  # fmt: skip
+            impulse = scale(x[k], vec(rows, k, 0))
+            for j in range(1, 3):
+                impulse = add(impulse, scale(x[k + j], vec(rows, k + j, 0)))
+            note(workspace, t, c, kind, impulse)
 
 
 def take_before(system, workspace):

@@ -27,32 +27,32 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints, viscosity_of
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
     ENOUGH,
     FINE,
-    PULLS,
-    ROLLS,
-    SPINS,
     add_impulse,
+    arm_of,
+    fill_column,
+    fill_free,
     largest,
+    laws_for,
+    lay_out,
+    problem_of,
     rate_of,
 )
-from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints, viscosity_of
 from rb_sim.numerics.complementarity import (
-    BOUND_WIDTH,
     EQUALITY,
     FRICTION,
     UNILATERAL,
-    Equations,
     equations,
     fill_steps,
     relative,
     row_times,
     solution,
-    unit_of,
 )
 from rb_sim.numerics.kernels import integers, part, pointer
 from rb_sim.numerics.linear_solves import copy_system, decomposed
@@ -79,79 +79,47 @@ def are_few(graph):
     return few and not (touch and is_plain(graph))
 
 
-def list_rows(graph, places):
-    """Write the rows of all contacts that may carry an impulse, normal first; how many."""
-    n, rules = 0, graph.rules
-    for i in range(graph.ends.shape[0]):
-        for j in range(CONTACT_ROWS):
-            tangential = (j == 1 or j == 2) and rules[i, BOUND] != 0.0
-            turning = ((j == 3 or j == 4) and rules[i, ROLLS] > 0.0) or (
-                j == 5 and rules[i, SPINS] > 0.0
-            )
-            if j == 0 or tangential or turning:
-                places[n] = CONTACT_ROWS * i + j
-                n += 1
-    return n
-
-
-def unit_at(k, arm):
-    """Of the rate of row k of a contact: turning, and moments, are measured at an arm [m], so that
-    least impulses weigh moments beside forces."""
-    return arm if k % CONTACT_ROWS >= 3 else 1.0
-
-
-def fill_problem(graph, u, x, places, arm, A, b, terms, r):
-    """A of the rows at these places with joints that follow, their impulses r, and b, in units of
-    `unit_at`, without what friction without a corner gives; terms: sizes of the summands of b."""
-    n, ends, joints = places.shape[0], graph.ends, graph.joint_rows.shape[0]
-    w, d, e = np.empty((u.shape[0], 6)), np.empty(joints), graph.joint_ends
+def fill_problem(graph, laws, ends, n, u, x, A, b, terms, r):
+    """A of n rows with joints that follow, their impulses r, and b, without what friction without a
+    corner gives; u: velocities that x has been pushed into; terms: sizes of the summands of b."""
+    w, d, e = np.zeros_like(u), np.empty(graph.joint_rows.shape[0]), graph.joint_ends
     for m in range(n):
-        k, i, unit = places[m], places[m] // CONTACT_ROWS, unit_at(places[m], arm)
+        k, unit = laws.used[m], laws.units[m]
         r[m] = x[k] / unit
-        b[m] = unit * (rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k])
+        add_impulse(graph.rows, k, w, ends[k, 0], ends[k, 1], unit)
+        for j in range(d.shape[0]):
+            d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
+        give_joints(graph, w, d)
+        fill_column(graph.rows, ends, laws, n, m, w, A)
         for body in range(u.shape[0]):
             for j in range(6):
                 w[body, j] = 0.0
-        add_impulse(graph.rows, k, w, ends[i, 0], ends[i, 1], unit)
-        for j in range(joints):
-            d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
-        give_joints(graph, w, d)
-        for o in range(n):
-            k, i = places[o], places[o] // CONTACT_ROWS
-            A[o, m] = unit_at(k, arm) * rate_of(graph.rows, k, w, ends[i, 0], ends[i, 1])
+    fill_free(graph.rows, ends, graph.targets, u, laws, n, b, terms)
     for o in range(n):
-        terms[o] = abs(b[o])
         for m in range(n):
             b[o] -= A[o, m] * r[m]
             terms[o] += abs(A[o, m] * r[m])
     for m in range(n):
-        if places[m] % CONTACT_ROWS == 0:
-            A[m, m] += graph.rules[places[m] // CONTACT_ROWS, COMPLIANCE]
+        if laws.used[m] % CONTACT_ROWS == 0:
+            A[m, m] += graph.rules[laws.used[m] // CONTACT_ROWS, COMPLIANCE]
 
 
-def fill_laws(graph, places, r, arm, rules, bounds, limits, slack):
-    """Rules, bounds and limits of the rows at these places; returns how many bounds there are.
-
-    slack: velocity against which the impulse 1 of each row works besides A, as where friction has
-    no corner, for the normal impulses r.
-    """
-    m, normal = 0, 0
-    for o in range(places.shape[0]):
-        i, j = places[o] // CONTACT_ROWS, places[o] % CONTACT_ROWS
-        rules[o], slack[o] = FRICTION, 0.0
-        if j == 0:
-            normal = o
-            rules[o] = EQUALITY if graph.rules[i, PULLS] != 0.0 else UNILATERAL
-        elif graph.rules[i, BOUND] < 0.0 and j < 3:
-            viscous = viscosity_of(graph.rules, i, r[normal])
-            slack[o] = 1.0 / viscous if viscous > 0.0 else 0.0
-        if j == 1 or j == 3 or j == 5:
-            bounds[m, 0], bounds[m, 1], bounds[m, 2] = o, -1 if j == 5 else o + 1, normal
-            limit = (graph.rules[i, ROLLS] if j == 3 else graph.rules[i, SPINS]) / arm
-            limit = min(graph.rules[i, BOUND], ROUGH) if j == 1 else limit
-            limits[m] = limit if limit >= 0.0 else (math.inf if slack[o] > 0.0 else 0.0)
-            m += 1
-    return m
+def find_slack(graph, laws, m, r, slack):
+    """Velocity against which the impulse 1 of each row works besides A, where friction has no
+    corner, for the normal impulses r; such friction has no bound, or is none.  Returns whether
+    there is any."""
+    viscous = False
+    for o in range(slack.shape[0]):
+        slack[o] = 0.0
+    for i in range(m):
+        c = laws.moves[i, 0]
+        if laws.moves[i, 1] == 0 and graph.rules[c, BOUND] < 0.0:
+            first, second, normal = laws.bounds[i, 0], laws.bounds[i, 1], laws.bounds[i, 2]
+            gives = viscosity_of(graph.rules, c, r[normal])
+            laws.limits[i] = math.inf if gives > 0.0 else 0.0
+            if gives > 0.0:
+                slack[first], slack[second], viscous = 1.0 / gives, 1.0 / gives, True
+    return viscous
 
 
 def hold(p, slow, x, rules, b):
@@ -272,11 +240,11 @@ def solve_near(p, terms, x):
         solution(p, terms, x)
 
 
-def take_over(graph, u, x, joints, places, arm, r):
-    """Let the impulses of the rows at these places be r; u and those of the joints follow."""
-    for m in range(places.shape[0]):
-        k, i, taken = places[m], places[m] // CONTACT_ROWS, r[m] * unit_at(places[m], arm)
-        add_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], taken - x[k])
+def take_over(graph, u, x, joints, laws, ends, r):
+    """Let the impulses of the rows laid out be r; u and those of the joints follow."""
+    for m in range(r.shape[0]):
+        k, taken = laws.used[m], r[m] * laws.units[m]
+        add_impulse(graph.rows, k, u, ends[k, 0], ends[k, 1], taken - x[k])
         x[k] = taken
     relax_joints(graph, u, joints)
 
@@ -291,30 +259,29 @@ def solve_few(graph, u, x, joints, slow, length, look):
     to what impulses make of it, if asked to look, and the number of a contact that has such a
     share).
     """
-    arm = unit_of(1.0 / (length * length))
-    places = np.empty(CONTACT_ROWS * graph.ends.shape[0], np.int64)
-    n = list_rows(graph, places)
+    contacts = graph.ends.shape[0]
+    laws = laws_for(CONTACT_ROWS * contacts, contacts)
+    ends, first = np.empty((CONTACT_ROWS * contacts, 2), np.int64), np.zeros(contacts + 1, np.int64)
+    for k in range(ends.shape[0]):
+        first[k // CONTACT_ROWS] = k // CONTACT_ROWS * CONTACT_ROWS
+        for j in range(2):
+            ends[k, j] = graph.ends[k // CONTACT_ROWS, j]
+    n, m = lay_out(graph.rows, graph.rules, first, arm_of(length), ROUGH, laws)
     if n == 0:
         return 0.0, 0.0, 0
-    places = places[:n]
     relax_joints(graph, u, joints)
     alone, A, work = np.empty((n, n)), np.empty((n, n)), np.empty(n * (n + 2))
-    b, terms, step, slack, least = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
-    r, found, limits = np.empty(n), np.empty(n), np.empty(n)
-    rules, bounds = np.empty(n, np.int64), np.empty((n, BOUND_WIDTH), np.int64)
-    fill_problem(graph, u, x, places, arm, alone, b, terms, r)
+    b, terms, step, slack = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    r, found = np.empty(n), np.empty(n)
+    fill_problem(graph, laws, ends, n, u, x, alone, b, terms, r)
     figure, of, rest = 0.0, 0, 0.0
     for _ in range(TURNS):
-        m, viscous = fill_laws(graph, places, r, arm, rules, bounds, limits, slack), False
+        viscous = find_slack(graph, laws, m, r, slack)
         for i in range(n):
             found[i] = r[i]
-            viscous = viscous or slack[i] > 0.0
             for j in range(n):
                 A[i, j] = alone[i, j] + (slack[i] if i == j else 0.0)
-        p = Equations(
-            n, m, pointer(A), pointer(b), pointer(step), integers(rules), pointer(least),
-            integers(bounds), pointer(limits), 0.0,
-        )  # fmt: skip
+        p = problem_of(laws, n, m, A, b, step)
         blur = fill_steps(n, p.A, pointer(terms), p.step)
         p = p._replace(blur=max(blur, slow * largest(step)))
         before = misfit(p, pointer(r), pointer(work))
@@ -330,5 +297,5 @@ def solve_few(graph, u, x, joints, slow, length, look):
             r[k] = found[k]
         if not (viscous and moved > SOLVED * most):
             break
-    take_over(graph, u, x, joints, places, arm, r)
-    return rest, figure, places[of] // CONTACT_ROWS
+    take_over(graph, u, x, joints, laws, ends, r)
+    return rest, figure, laws.used[of] // CONTACT_ROWS

@@ -21,11 +21,12 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
     FORCE_A,
+    LEAST,
     LIGHT_A,
     LIGHT_B,
     PULLS,
@@ -115,13 +116,19 @@ def within_circle(a, b, c, p, q, most):
     return on_bound(a, b, c, p, q, most, 0.0, 0.0)
 
 
-def one_contact(w, q, mu):
+def one_contact(w, q, mu, least):
     """The reaction (r_n, r_1, r_2) of a contact.
 
-    w: its block (nn, n1, n2, 11, 12, 22), positive definite; q: velocity without the reaction.
+    w: its block (nn, n1, n2, 11, 12, 22), positive definite; q: velocity without the reaction;
+    least: r_n, with which it opens.
     """
-    if q[0] >= 0.0:
+    if q[0] >= 0.0 and least == 0.0:
         return 0.0, 0.0, 0.0
+    if least > 0.0:
+        p1, p2, most = q[1] + w[1] * least, q[2] + w[2] * least, min(mu, ROUGH) * least
+        x, y = within_circle(w[3], w[4], w[5], p1, p2, most)
+        if q[0] + w[0] * least + w[1] * x + w[2] * y >= 0.0:
+            return least, x, y
     m1, m2 = w[1] / w[0], w[2] / w[0]
     a, b, c = w[3] - w[1] * m1, w[4] - w[1] * m2, w[5] - w[2] * m2
     p1, p2 = q[1] - m1 * q[0], q[2] - m2 * q[0]
@@ -291,11 +298,11 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     w = (blocks[c, 0], blocks[c, 1], blocks[c, 2], blocks[c, 3], blocks[c, 4], blocks[c, 5])
     q0 -= w[0] * r0 + w[1] * r1 + w[2] * r2
     if rules[c, BOUND] == 0.0:
-        n, y, z = max(0.0, -q0 / w[0]), r1, r2
+        n, y, z = max(rules[c, LEAST], -q0 / w[0]), r1, r2
     else:
         q1 -= w[1] * r0 + w[3] * r1 + w[4] * r2
         q2 -= w[2] * r0 + w[4] * r1 + w[5] * r2
-        n, y, z = one_contact(w, (q0, q1, q2), rules[c, BOUND])
+        n, y, z = one_contact(w, (q0, q1, q2), rules[c, BOUND], rules[c, LEAST])
     d0, d1, d2 = n - r0, y - r1, z - r2
     change = max(abs(d0), max(abs(d1), abs(d2)))
     if change > 0.0:
@@ -315,7 +322,7 @@ def relax_in_turn(graph, u, x, c, k, b, a):
     missing = graph.targets[k] - rate_of(graph.rows, k, u, b, a) - rules[c, COMPLIANCE] * x[k]
     value = x[k] + missing / graph.blocks[c, 0]
     if rules[c, PULLS] == 0.0:
-        value = max(0.0, value)
+        value = max(rules[c, LEAST], value)
     change = changed_to(graph, u, x, k, b, a, value)
     if rules[c, BOUND] > 0.0:
         most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
@@ -364,6 +371,7 @@ def is_plain(graph):
     for c in range(graph.ends.shape[0]):
         rules = graph.rules
         more = rules[c, PULLS] != 0.0 or rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0
+        more = more or rules[c, LEAST] > 0.0
         plain = plain and not more and rules[c, BOUND] >= 0.0
     return plain
 

@@ -25,23 +25,16 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.assembly import (
-    NO_ROW,
     NOT_FINITE,
     SOLVED,
     UNSOLVED,
     VELOCITY,
     Velocities,
-    add_bounds,
-    add_contact,
-    add_row,
     along_rows,
     assemble,
-    inverse_mass_times,
-    measure_moments,
-    momentum_of,
-    problem_of,
+    lay_out_in,
+    push,
     read_velocities,
-    row_times,
     solve_in,
     write_all_rows,
 )
@@ -61,6 +54,18 @@ from rb_sim.contact.event_workspace import (
     workspace_left,
 )
 from rb_sim.contact.few_contacts import take_least
+from rb_sim.contact.problem import (
+    APART,
+    BOUND,
+    FREE,
+    HOLDS,
+    LEAST,
+    PART,
+    PULLS,
+    ROLLS,
+    SPINS,
+    problem_of,
+)
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.constraint_tables import traction_over_normal_force
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -77,7 +82,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     first_row_of,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, RESPONSE, WIDTH
-from rb_sim.numerics.complementarity import EQUALITY, FRICTION, UNILATERAL, fill_steps
+from rb_sim.numerics.complementarity import fill_steps
 from rb_sim.numerics.kernels import pointer
 
 # Series of impacts without end: bounces closed at once, chatter, flights between.
@@ -157,10 +162,10 @@ def acceleration_along(system, workspace, k):
     s = workspace.row_bias[k]
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     for j in range(6):
-        s += workspace.J[k, 6 * b + j] * system.bodies[b, RESPONSE + j]
+        s += workspace.all_rows[k, j] * system.bodies[b, RESPONSE + j]
     if a >= 0:
         for j in range(6):
-            s += workspace.J[k, 6 * a + j] * system.bodies[a, RESPONSE + j]
+            s += workspace.all_rows[k, 6 + j] * system.bodies[a, RESPONSE + j]
     return s
 
 
@@ -313,29 +318,20 @@ def friction_limits(system, c, v):
     return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
-def lay_out_impact(system, workspace, v, together, loose):
+def lay_out_impact(system, workspace, v, rule, loose):
     """The rows and laws of an impact of what takes part; returns (rows, bounds).
 
     loose: what is perfectly rough and does not part has no friction but holds.
     """
-    table, n, m = system.contact_table, 0, 0
-    for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, EQUALITY)
+    table, rules = system.contact_table, workspace.contact_rules
     for c in range(table.shape[0]):
-        if workspace.taking_part[c] != 1:
-            continue
-        k = first_row_of(system, c)
-        both = table[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
-        slide = EQUALITY if loose and grips(system, c, v) else FRICTION
-        limits = friction_limits(system, c, v), table[c, ROLLING_ARM], table[c, SPINNING_ARM]
-        ways = (
-            slide if limits[0] > 0.0 else NO_ROW,
-            FRICTION if limits[1] > 0.0 else NO_ROW,
-            FRICTION if limits[2] > 0.0 else NO_ROW,
-        )
-        n = add_contact(workspace, n, k, EQUALITY if both else UNILATERAL, ways)
-        m = add_bounds(workspace, m, c, k, ways, limits)
-    return n, m
+        both = table[c, BILATERAL] == 1.0 or (rule.together and workspace.together[c] == 1)
+        rules[c, PART] = FREE if workspace.taking_part[c] == 1 else APART
+        rules[c, PULLS], rules[c, LEAST] = 1.0 if both else 0.0, rule.least[c]
+        rules[c, BOUND] = HOLDS if loose and grips(system, c, v) else friction_limits(system, c, v)
+        rules[c, ROLLS] = table[c, ROLLING_ARM]
+        rules[c, SPINS] = table[c, SPINNING_ARM]
+    return lay_out_in(system, workspace)
 
 
 def take_least_shares(system, workspace, m, A, b, terms, x):
@@ -346,36 +342,31 @@ def take_least_shares(system, workspace, m, A, b, terms, x):
     they slip in several directions the friction, and the motion, depend on it.
     """
     n = x.shape[0]
-    least, step, units = x.copy(), np.empty(n), np.empty(n)
-    measure_moments(system, workspace, n, m, A, b, terms, units)
-    for i in range(n):
-        least[i] /= units[i]
+    least, step = x.copy(), np.empty(n)
     p = problem_of(workspace, n, m, A, b, step)
     p = p._replace(blur=fill_steps(n, p.A, pointer(terms), p.step))
     free, figure, _ = take_least(p, velocity_tolerance_of(system), pointer(least), True)
     if free > 0:
         workspace.undetermined[0] = max(workspace.undetermined[0], figure)
         for i in range(n):
-            x[i] = units[i] * least[i]
+            x[i] = least[i]
 
 
 def try_impulses(system, workspace, before, rule, loose, x):
     """As `impulses_with`, of one set of laws."""
-    n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
+    n, m = lay_out_impact(system, workspace, before.v, rule, loose)
     A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
-    assemble(system, workspace, VELOCITY, n, before, 1.0, A, b, terms)
+    assemble(system, workspace, VELOCITY, n, before.u, 1.0, A, b, terms)
     for c in range(system.contact_table.shape[0]):
         if workspace.taking_part[c] == 1:
-            i = workspace.place_of[first_row_of(system, c)]
-            b[i] *= 1.0 + rule.rebound[c]
-            workspace.least[i] = rule.least[c]
+            b[workspace.place_of[first_row_of(system, c)]] *= 1.0 + rule.rebound[c]
     status = solve_in(workspace, n, m, A, b, terms, found)
     if status == SOLVED:
         take_least_shares(system, workspace, m, A, b, terms, found)
     for k in range(x.shape[0]):
         x[k] = 0.0
     for i in range(n):
-        x[workspace.used[i]] = found[i]
+        x[workspace.used[i]] = workspace.units[i] * found[i]
     return status
 
 
@@ -396,13 +387,7 @@ def impulses_with(system, workspace, before, rule, x):
 
 def gains_energy(system, workspace, u, x):
     """True if the impulses would create kinetic energy (driven supports may)."""
-    p, du = np.empty_like(u), np.empty_like(u)
-    momentum_of(system, workspace.J, x, p)
-    inverse_mass_times(system, p, du)
-    work, size = 0.0, 1e-300
-    for j in range(u.shape[0]):
-        work += p[j] * (u[j] + 0.5 * du[j])
-        size += abs(p[j]) * abs(u[j])
+    work, size = push(system, workspace, x, u, np.empty_like(u))
     for k in range(x.shape[0]):
         work -= x[k] * workspace.row_rate[k]
     return work > COMPUTED_ROUNDING * size
@@ -412,18 +397,14 @@ def poisson_impulses(system, workspace, before, rebound, x):
     """Into x those of compression to rest, then of at least e times its normal impulse once
     more."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)
-    first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
+    first, compressed = np.empty_like(x), Velocities(np.empty_like(before.u), np.empty_like(x))
     status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
     if status != SOLVED:
         return status
     for c in range(least.shape[0]):
         least[c] = rebound[c] * first[first_row_of(system, c)]
-    momentum_of(system, workspace.J, first, p)
-    inverse_mass_times(system, p, du)
-    after = np.empty_like(x)
-    for k in range(x.shape[0]):
-        after[k] = before.v[k] + row_times(system, workspace.J, k, du)
-    compressed = Velocities(before.u, after)
+    push(system, workspace, first, before.u, compressed.u)
+    along_rows(system, workspace, compressed.u, compressed.v)
     status = impulses_with(system, workspace, compressed, Rule(none, least, False, False), x)
     for k in range(x.shape[0]):
         x[k] += first[k]
@@ -447,17 +428,13 @@ def must_stop_slipping(system, c):
 
 def apply_impulses(system, workspace, t, y, x):
     """Add the impulses to the velocities, and their work to that of the contacts."""
-    u, p = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.free_accelerations)
-    du = np.empty_like(u)
+    u = np.empty_like(workspace.free_accelerations)
+    after = np.empty_like(u)
     read_velocities(system, y, u)
-    momentum_of(system, workspace.J, x, p)
-    inverse_mass_times(system, p, du)
-    work = 0.0
+    work, _ = push(system, workspace, x, u, after)
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            k = 6 * i + j
-            y[WIDTH * i + 7 + j] = u[k] + du[k]
-            work += p[k] * (u[k] + 0.5 * du[k])
+            y[WIDTH * i + 7 + j] = after[i, j]
     y[WIDTH * system.bodies.shape[0]] += work
     write_all_rows(system, t, y, workspace)
 

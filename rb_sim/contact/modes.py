@@ -23,19 +23,12 @@ from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.contact.assembly import (
     ACCELERATION,
     CANDIDATE,
-    NO_ROW,
     NOT_FINITE,
     PRESSED,
     SOLVED,
-    Velocities,
-    add_contact,
-    add_row,
     assemble,
-    fill_delassus,
     lay_out_forces,
     solve_in,
-    velocity_after,
-    ways_at_rest,
     write_all_rows,
 )
 from rb_sim.contact.event_workspace import (
@@ -45,6 +38,7 @@ from rb_sim.contact.event_workspace import (
     turning,
     velocity_tolerance_of,
 )
+from rb_sim.contact.problem import fill_delassus, problem_of
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
@@ -79,7 +73,7 @@ from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
-from rb_sim.numerics.complementarity import EQUALITY
+from rb_sim.numerics.complementarity import row_times
 from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
@@ -92,16 +86,15 @@ FEW = 20
 """Rows up to which pivots tell that they do not depend on each other."""
 
 
-def find_held(system, workspace):
-    """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
-    table, n = system.contact_table, 0
-    for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, EQUALITY)
+def lay_out_held(system, workspace):
+    """The rows and laws of joints and closed contacts in their modes; returns (rows, bounds)."""
+    table = system.contact_table
     for c in range(table.shape[0]):
-        if table[c, CLOSED] != 0.0:
-            normal = EQUALITY if table[c, COMPLIANT] == 0.0 else NO_ROW
-            n = add_contact(workspace, n, first_row_of(system, c), normal, ways_at_rest(table, c))
-    return n
+        part = PRESSED if table[c, COMPLIANT] == 1.0 else CANDIDATE
+        workspace.taking_part[c] = part if table[c, CLOSED] != 0.0 else 0
+        for way in range(3):
+            workspace.moved[c, way] = 0
+    return lay_out_forces(system, workspace)
 
 
 def may_share(system, workspace):
@@ -112,13 +105,13 @@ def may_share(system, workspace):
     """
     for k in range(system.vectors.shape[1]):
         system.vectors[SHARES, k] = 0.0
-    n = find_held(system, workspace)
+    n, _ = lay_out_held(system, workspace)
     if n == first_row_of(system, 0):
         return False
     if n > FEW:
         return True
-    A, work = np.empty((n, n)), np.zeros(2 * n)
-    fill_delassus(system, workspace.J, workspace.W, workspace.used, n, A)
+    A, work, w = np.empty((n, n)), np.zeros(2 * n), np.zeros_like(workspace.free_accelerations)
+    fill_delassus(workspace.all_rows, workspace.all_pushes, system.row_table, workspace, n, w, A)
     R = pointer(A)
     rank = triangular(R, n, pointer(work), part(pointer(work), n), LEAST_SINGULAR)
     smallest = abs(R[n * n - 1]) if rank == n else 0.0
@@ -206,7 +199,7 @@ def begin_to_move(system, workspace, i, x, w, size):
     table, c, way = system.contact_table, workspace.moves[i, 0], workspace.moves[i, 1]
     first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     rate = size_of(w, workspace, i)
-    begins = rate > BEGINS * size / (1.0 if way == 0 else system.length)
+    begins = rate > BEGINS * size
     if not begins and workspace.moved[c, way] == 0:
         table[c, SLIDE + way] = STUCK
         return
@@ -225,12 +218,13 @@ def begin_to_move(system, workspace, i, x, w, size):
 
 
 def read_modes(system, workspace, n, m, x, w):
-    """Modes from forces x and accelerations w of n rows."""
+    """Modes from forces x and accelerations w of n rows, turning at the arm of the scene."""
     table, size, most = system.contact_table, 0.0, 0.0
     for i in range(n):
         size = max(size, abs(w[i]))
-    for j in range(workspace.free_accelerations.shape[0]):
-        most = max(most, abs(workspace.free_accelerations[j]))
+    for i in range(workspace.free_accelerations.shape[0]):
+        for j in range(6):
+            most = max(most, abs(workspace.free_accelerations[i, j]))
     size += most
     for c in range(table.shape[0]):
         if workspace.taking_part[c] != CANDIDATE:
@@ -245,7 +239,7 @@ def read_modes(system, workspace, n, m, x, w):
             begin_to_move(system, workspace, i, x, w, size)
 
 
-def moving(workspace):
+def count_moved(workspace):
     """How many have left their rest."""
     count = 0
     for c in range(workspace.moved.shape[0]):
@@ -257,21 +251,22 @@ def moving(workspace):
 def find_forces(system, workspace, t, y):
     """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
     becomes of it (see laws)."""
-    unread = Velocities(workspace.free_accelerations, workspace.row_rate)
     for _ in range(MODE_ROUNDS):
         write_all_rows(system, t, y, workspace)
         n, m = lay_out_forces(system, workspace)
         A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
         x, w = np.empty(n), np.empty(n)
-        assemble(system, workspace, ACCELERATION, n, unread, 1.0, A, b, terms)
+        loads = workspace.free_accelerations
+        assemble(system, workspace, ACCELERATION, n, loads, 1.0, A, b, terms)
         status = solve_in(workspace, n, m, A, b, terms, x)
         if status != SOLVED:
             return status
+        p = problem_of(workspace, n, m, A, b, terms)
         for i in range(n):
-            w[i] = velocity_after(A, b, i, x)
-        before = moving(workspace)
+            w[i] = row_times(p, i, pointer(x))
+        before = count_moved(workspace)
         read_modes(system, workspace, n, m, x, w)
-        if moving(workspace) == before:
+        if count_moved(workspace) == before:
             return SOLVED
         for c in range(
             system.contact_table.shape[0]

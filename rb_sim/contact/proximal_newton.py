@@ -34,7 +34,8 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
@@ -43,7 +44,6 @@ from rb_sim.contact.contact_graph import (
     copy_rows,
     rate_of,
 )
-from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 
 # Elimination of a matrix of 6 x 6 blocks, with a row and a column of blocks for each body.

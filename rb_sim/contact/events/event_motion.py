@@ -99,7 +99,7 @@ from rb_sim.contact.impacts import (
     Chatter,
     forget_bounces,
 )
-from rb_sim.contact.modes import find_held
+from rb_sim.contact.modes import lay_out_held
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (
@@ -240,8 +240,8 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
 def nearly_depend(at: Instant) -> bool:
     """True where rows that hold are taken to depend on each other, but do not to the last: forces
     that keep all of them at rest are none, or without bound."""
-    held = at.workspace.used[: find_held(at.system, at.workspace)]
-    rows = scaled_rows(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
+    held = at.workspace.used[: lay_out_held(at.system, at.workspace)[0]]
+    rows = scaled_rows(at.rows[held] @ np.linalg.cholesky(at.inverse_mass))
     _, s, _ = singular_values(rows, "the constraint equations of contacts that come to rest")
     return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
 

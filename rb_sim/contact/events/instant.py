@@ -30,6 +30,7 @@ from rb_sim.contact.assembly import (
     answer_over,
     inverse_mass,
     set_velocities,
+    spread,
     velocities,
     write_all_rows,
 )
@@ -325,6 +326,16 @@ class Instant:
         """Write the rows again, after y or the modes have changed."""
         self.call(WRITE_ROWS, self.t, self.y)
 
+    @property
+    def rows(self) -> Array:
+        """Rows of constraints and contacts, all closed and stuck, (n, 6N)."""
+        return spread(self.system, self.workspace.all_rows)
+
+    @property
+    def pushes(self) -> Array:
+        """Directions along which forces push, (n, 6N)."""
+        return spread(self.system, self.workspace.all_pushes)
+
     @cached_property
     def inverse_mass(self) -> Array:
         """M^-1, (6N, 6N)."""
@@ -346,7 +357,7 @@ class Instant:
     def taken_by_joints(self, rows: Array) -> Array:
         """Minus the impulses on the joints' rows per unit of impulse along each of `rows`, (joint
         rows, rows)."""
-        held = self.workspace.J[: self.first[0]]
+        held = self.rows[: self.first[0]]
         if not len(held):
             return np.zeros((0, len(rows)))
         A = held @ self.inverse_mass @ held.T
@@ -355,7 +366,7 @@ class Instant:
 
     def pivot_of(self, rows: Array, directions: Array) -> Array:
         """Velocities along `rows` per unit of impulse along `directions`, joints holding."""
-        held = self.workspace.J[: self.first[0]]
+        held = self.rows[: self.first[0]]
         return rows @ self.inverse_mass @ (directions.T - held.T @ self.taken_by_joints(directions))
 
     def effective_pivot(self, c: int) -> float:
@@ -364,7 +375,7 @@ class Instant:
         if speed <= self.velocity_tolerance or not 0.0 < law.kinetic < np.inf:
             return 1.0
         k = self.first[c]
-        J = self.workspace.J
+        J = self.rows
         n = self.system.contact_table[c, NORMAL : NORMAL + 3]
         t1, t2 = frame(n)
         d = self.system.contact_table[c, SLIP : SLIP + 3] / speed
@@ -407,10 +418,10 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
     """Impulses of all rows that stop the slip of contact c, joints taking part; None if there are
     none."""
     k, joints = at.first[c], at.first[0]
-    J = at.workspace.J
+    J = at.rows
     own = J[k : k + 3]
     A = at.pivot_of(own, own)
-    v = own @ velocities(at.system, at.y)
+    v = own @ velocities(at.system, at.y).reshape(-1)
     v = v - at.workspace.row_rate[k : k + 3]
     law = at.laws[c]
     x = stopping_impulse(A, v, law.kinetic, law.restitution)
@@ -458,16 +469,16 @@ def leap(at: Instant, duration: float) -> float | None:
         return None
     u = velocities(at.system, at.y)
     impulses = at.workspace.impulses.copy()
-    p = at.workspace.W.T @ impulses
-    after = u + duration * at.workspace.free_accelerations + at.inverse_mass @ p
+    p = at.pushes.T @ impulses
+    gained = (at.inverse_mass @ p).reshape(u.shape)
+    after = u + duration * at.workspace.free_accelerations + gained
     u_mean = 0.5 * (u + after)
     held = slice(at.first[0], None)
-    along = at.workspace.J[held] @ u_mean - at.workspace.row_rate[held]
+    along = at.rows[held] @ u_mean.reshape(-1) - at.workspace.row_rate[held]
     if impulses[held] @ along > GAINED * at.system.mass * at.system.speed**2:
         return leap(at, SHORTER * duration) if at.t + SHORTER * duration > at.t else None
-    work = float(p @ u_mean) + duration * power_of_given(at, u_mean)
-    for i in range(at.system.bodies.shape[0]):
-        mean = u_mean[6 * i : 6 * i + 6]
+    work = float(p @ u_mean.reshape(-1)) + duration * power_of_given(at, u_mean)
+    for i, mean in enumerate(u_mean):
         q = slice(WIDTH * i + 3, WIDTH * i + 7)
         at.y[WIDTH * i : WIDTH * i + 3] += duration * mean[:3]
         at.y[q] += duration * np.array(quaternion_rate(tuple(at.y[q]), tuple(mean[3:])))

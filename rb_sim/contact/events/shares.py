@@ -31,21 +31,20 @@ from rb_sim.contact.events.instant import (
 )
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
-from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, find_held
+from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, lay_out_held
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     JAMMED,
     NORMAL_SIGN,
-    ROLL,
     SHARES,
     SLIDE,
-    SPIN,
     SPRING,
     STATIC,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.samples import Array
+from rb_sim.numerics.complementarity import EQUALITY, UNILATERAL
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
 from rb_sim.scene.compiled import Compiled
 
@@ -96,8 +95,9 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     """By how much other shares than y change the accelerations within all bounds, relative to the
     largest that the loads or the reactions make; a turn counts by the scene's length."""
     workspace = at.workspace
-    responses = at.inverse_mass @ workspace.W[reactions.held].T
-    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(workspace.free_accelerations) // 6)
+    responses = at.inverse_mass @ at.pushes[reactions.held].T
+    loads = workspace.free_accelerations.reshape(-1)
+    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(loads) // 6)
     terms = weights * (np.abs(responses) @ np.abs(reactions.least))
     size, ways = np.linalg.svd(weights[:, None] * (responses @ reactions.self_stress))[1:]
     if not size[0] > OPEN * terms.max():
@@ -105,7 +105,7 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
     far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
     if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
         return 0.0
-    own = responses @ reactions.least, workspace.free_accelerations / reactions.unit
+    own = responses @ reactions.least, loads / reactions.unit
     return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
 
 
@@ -163,6 +163,8 @@ class Reactions(NamedTuple):
     least: Array
     self_stress: Array
     unit: float
+    bounds: int
+    """of friction, in the workspace."""
 
 
 def share_load(at: Instant, recent: bool = False) -> bool:
@@ -195,12 +197,13 @@ def share_load(at: Instant, recent: bool = False) -> bool:
 
 def reactions_of(at: Instant) -> Reactions | None:
     """All reactions that keep what rests at rest; None if there is just one, or no contact."""
-    count = find_held(at.system, at.workspace)
+    count, bounds = lay_out_held(at.system, at.workspace)
     if count == at.first[0]:
         return None
     held, workspace = at.workspace.used[:count].tolist(), at.workspace
-    A = workspace.J[held] @ at.inverse_mass @ workspace.W[held].T
-    b = workspace.J[held] @ workspace.free_accelerations + workspace.row_bias[held]
+    J = at.rows[held]
+    A = J @ at.inverse_mass @ at.pushes[held].T
+    b = J @ workspace.free_accelerations.reshape(-1) + workspace.row_bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)
@@ -211,44 +214,37 @@ def reactions_of(at: Instant) -> Reactions | None:
     counts = np.where(np.array(held) < at.first[0], OF_JOINTS, 1.0)
     x -= null @ solved(counts[:, None] * null, counts * x)  # the least as `least_reactions` has it
     unit = float(np.abs(x).max()) or 1.0
-    return Reactions(held, x / unit, null, unit)
+    return Reactions(held, x / unit, null, unit, bounds)
 
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     """The bounds of all contacts that hold, each measured as a normal force, on y."""
     from rb_sim.numerics.cone_program import Cones
 
-    table, where = at.system.contact_table, {k: i for i, k in enumerate(reactions.held)}
-    x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]
-    linear, round_ = [], []
+    table, work, freedom = at.system.contact_table, at.workspace, reactions.self_stress.shape[1]
+    count, round_ = len(reactions.held), []
 
-    def line(k: int) -> tuple[float, Array]:
-        return float(x[where[k]]), z[where[k]]
+    def line(i: int, factor: float = 1.0) -> tuple[float, Array]:
+        factor /= work.units[i]
+        return factor * float(reactions.least[i]), factor * reactions.self_stress[i]
 
-    for c, law in enumerate(at.laws):
-        if table[c, CLOSED] == 0.0:
+    linear = [line(i) for i in np.flatnonzero(work.rules[:count] == UNILATERAL).tolist()]
+    for m in range(reactions.bounds):
+        (first, second, push), limit, c = work.bounds[m], work.limits[m], work.moves[m, 0]
+        if not math.isfinite(limit):
             continue
-        k = at.first[c]
-        if law.compliant:
+        if push < 0:
             normal = float(table[c, SPRING]) / reactions.unit, np.zeros(freedom)
+            limit /= table[c, SPRING]
         else:
-            side = float(table[c, NORMAL_SIGN]) if law.bilateral else 1.0
-            normal = side * line(k)[0], side * line(k)[1]
-            linear += [] if law.bilateral else [normal]
-        for mode, bound, tails in (
-            (SLIDE, law.static, (k + 1, k + 2)),
-            (ROLL, law.rolling_arm, (k + 3, k + 4)),
-        ):
-            if table[c, mode] == STUCK and math.isfinite(bound):
-                h, g = zip(
-                    normal, *((v / bound, w / bound) for v, w in map(line, tails)), strict=True
-                )
-                round_.append((h, g))
-        if table[c, SPIN] == STUCK:
-            v, w = line(k + 5)
-            for sign in (1.0, -1.0):
-                s = sign / law.spinning_arm
-                linear.append((normal[0] + s * v, normal[1] + s * w))
+            pulls = work.rules[push] == EQUALITY and table[c, NORMAL_SIGN] < 0.0
+            normal = line(push, -1.0 if pulls else 1.0)
+        if second >= 0:
+            h, g = zip(normal, line(first, 1.0 / limit), line(second, 1.0 / limit), strict=True)
+            round_.append((h, g))
+        else:
+            v, w = line(first, 1.0 / limit)
+            linear += [(normal[0] + sign * v, normal[1] + sign * w) for sign in (1.0, -1.0)]
     return Cones(
         np.array([h for h, _ in linear]),
         np.array([g for _, g in linear]).reshape(-1, freedom),

@@ -15,21 +15,23 @@ import math
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
-    LIGHT_A,
-    LIGHT_B,
+    FORCE_A,
+    FORCE_B,
+    LEAST,
     PULLS,
     ROLLS,
     SPINS,
-    TURN_A,
-    TURN_B,
+    TORQUE_A,
+    TORQUE_B,
     VISCOUS,
     VISCOUS_PER_NORMAL,
     Graph,
     rate_of,
+    respond,
 )
 from rb_sim.contact.stepping.geometry import CROWDED, find_bend, straighten_crowds
 from rb_sim.contact.stepping.scene_tables import FIRST_CONSTANT, TRACTION
@@ -65,7 +67,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     keep,
 )
 from rb_sim.mechanics.contact.contact_kinematics import STUCK, torque_of
-from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, six, state_of, vec
+from rb_sim.mechanics.systems.many_bodies import LOAD, MASS, state_of, vec
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.vectors import (
@@ -77,7 +79,6 @@ from rb_sim.numerics.vectors import (
     perpendicular,
     rotate,
     sub,
-    symmetric_times,
     unrotate,
 )
 
@@ -87,19 +88,14 @@ FARTHER = 1.01
 
 def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
     """Row k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
-    turn = torque_of(B, r_B, force, moment)
-    keep(rows, k, 0, force)
-    keep(rows, k, 3, turn)
-    keep(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
-    rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / bodies[b, MASS], 0.0
+    keep(rows, k, FORCE_B, force)
+    keep(rows, k, TORQUE_B, torque_of(B, r_B, force, moment))
     for j in range(6):
-        rows[k, 6 + j] = 0.0
+        rows[k, FORCE_A + j] = 0.0
     if a >= 0:
-        back = neg(torque_of(A, r_A, force, moment))
-        keep(rows, k, 6, neg(force))
-        keep(rows, k, 9, back)
-        keep(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
-        rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
+        keep(rows, k, FORCE_A, neg(force))
+        keep(rows, k, TORQUE_A, neg(torque_of(A, r_A, force, moment)))
+    respond(rows, k, bodies, b, a)
 
 
 def write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a):
@@ -148,7 +144,7 @@ def write_rules(
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
     stuck = slides == STUCK if slides >= 0.0 else slip <= SOLVED * scales[1]
-    rules[i, PULLS], rules[i, COMPLIANCE] = laws[c, BILATERAL], 0.0
+    rules[i, PULLS], rules[i, COMPLIANCE], rules[i, LEAST] = laws[c, BILATERAL], 0.0, 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING_ARM], laws[c, SPINNING_ARM]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
@@ -336,13 +332,7 @@ def gather_joints(tables, workspace, h):
         b, a = tables.joints[k, 0], tables.joints[k, 1]
         for j in range(12):
             workspace.joint_rows[k, j] = tables.joint_rows[k, j]
-        turn = symmetric_times(six(tables.bodies, b, INVERSE), vec(tables.joint_rows, k, 3))
-        keep(workspace.joint_rows, k, TURN_B, turn)
-        workspace.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
-        if a >= 0:
-            turn = symmetric_times(six(tables.bodies, a, INVERSE), vec(tables.joint_rows, k, 9))
-            keep(workspace.joint_rows, k, TURN_A, turn)
-            workspace.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
+        respond(workspace.joint_rows, k, tables.bodies, b, a)
         # as of contacts, see `bends`: the step before has ended on the joints
         bend = (
             rate_of(workspace.joint_rows, k, workspace.turning, b, a) - tables.joint_rows[k, RATE]

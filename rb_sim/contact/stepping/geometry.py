@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.catalogue.geometry.solids import boxes_touching
-from rb_sim.contact.contact_graph import rate_of
+from rb_sim.contact.problem import rate_of
 from rb_sim.contact.stepping.scene_tables import (
     BODY,
     BOXES,

@@ -29,18 +29,6 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.contact_graph import (
-    BOUND,
-    CONTACT_ROWS,
-    ENOUGH,
-    FINE,
-    LIGHT_A,
-    LIGHT_B,
-    TURN_A,
-    TURN_B,
-    add_impulse,
-    rate_of,
-)
 from rb_sim.contact.few_contacts import are_few, solve_few
 from rb_sim.contact.gauss_seidel import (
     ROUGH,
@@ -48,6 +36,20 @@ from rb_sim.contact.gauss_seidel import (
     fill_block,
     gauss_seidel,
     is_plain,
+)
+from rb_sim.contact.problem import (
+    BOUND,
+    CONTACT_ROWS,
+    ENOUGH,
+    FINE,
+    LEAST,
+    LIGHT_A,
+    LIGHT_B,
+    TURN_A,
+    TURN_B,
+    add_impulse,
+    mean_rate,
+    rate_of,
 )
 from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, speed_at
@@ -151,14 +153,11 @@ def quieten(tables, workspace, n, h):
 def work_done(workspace, n):
     """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
     own is the change of kinetic energy exactly."""
-    work = 0.0
-    for i in range(n):
-        b, a = workspace.ends[i, 0], workspace.ends[i, 1]
-        for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + CONTACT_ROWS):
-            if workspace.x[k] != 0.0:
-                mean = rate_of(workspace.rows, k, workspace.turning, b, a)
-                mean += rate_of(workspace.rows, k, workspace.u, b, a)
-                work += 0.5 * workspace.x[k] * mean
+    before, after, work = workspace.turning, workspace.u, 0.0
+    for k in range(CONTACT_ROWS * n):
+        if workspace.x[k] != 0.0:
+            b, a = workspace.ends[k // CONTACT_ROWS, 0], workspace.ends[k // CONTACT_ROWS, 1]
+            work += workspace.x[k] * mean_rate(workspace.rows, k, before, after, b, a)
     return work
 
 
@@ -174,11 +173,9 @@ def gained_by(laws, workspace, n):
         for j in range(CONTACT_ROWS):
             k = CONTACT_ROWS * i + j
             if workspace.x[k] != 0.0:
-                mean = rate_of(workspace.rows, k, workspace.turning, b, a) + rate_of(
-                    workspace.rows, k, workspace.u, b, a
-                )
+                mean = mean_rate(workspace.rows, k, workspace.turning, workspace.u, b, a)
                 support = dot(vec(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
-                made += workspace.x[k] * (0.5 * mean - support)
+                made += workspace.x[k] * (mean - support)
     return made
 
 
@@ -266,26 +263,29 @@ def keep_impulses(tables, memory, workspace, y, n, h):
 # Newton's restitution along the normal and Coulomb's friction across it may together give more
 # energy than the impact has taken (Kane and Levinson 1985): friction works on the mean of the slips
 # before and after, which point in different directions.  There Poisson's law holds, as in
-# `events.impulses`: the normal impulse is 1 + e times what it is without a rebound; and none
-# rebounds if that # gives energy too. Energy is that of the whole impact of a body: of several
-# corners that strike at # once some may gain what others lose.
+# `impacts`: the normal impulse is at least 1 + e times what it is without a rebound; and none
+# rebounds if that gives energy too.  Energy is that of the whole impact of a body: of several
+# corners that strike at once some may gain what others lose.
 
 
-SECANTS = 3
-"""Steps towards the rebound at which the impulse is Poisson's, which grows with it in straight
-pieces."""
 GAINS = 1e-5
 """Work of an impact, relative to impulse times speed of rebound, above which the impact creates
 energy; solvers leave up to 1e-6, where the corners of a box press against each other by
 friction."""
-LAST, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
-"""Of a rebound that creates energy: its impulse [N s] and speed [m/s] at the last try, the impulse
-without a rebound, and Newton's speed; 0 of others."""
 
 
-def velocity_tolerance_of(workspace, i, c):
+def support_speed(workspace, i, c):
     """Speed along the normal of contact i, point c, at which its surfaces stay together."""
     return dot(vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, MOVES))
+
+
+def rebound_of(workspace, i, c):
+    """Speed with which contact i, point c, rebounds: Newton's, or what Poisson's law has given."""
+    k, speed = CONTACT_ROWS * i, workspace.targets[CONTACT_ROWS * i]
+    if workspace.rules[i, LEAST] > 0.0:
+        b, a = workspace.ends[i, 0], workspace.ends[i, 1]
+        speed = rate_of(workspace.rows, k, workspace.u, b, a)
+    return speed - support_speed(workspace, i, c)
 
 
 def bounces(tables, c):
@@ -298,7 +298,7 @@ def made_in(workspace, y, i, c):
     impulse makes [J], what its rebound takes [J]) in an impact; zeros where it does not rebound.
     y: before it."""
     b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], CONTACT_ROWS * i, 0.0
-    rebound = workspace.targets[k] - velocity_tolerance_of(workspace, i, c)
+    rebound = rebound_of(workspace, i, c)
     if not rebound > 0.0 or not workspace.x[k] > 0.0:
         return 0.0, 0.0, 0.0
     for j in range(1, CONTACT_ROWS):
@@ -308,7 +308,7 @@ def made_in(workspace, y, i, c):
             )
             across += workspace.x[k + j] * (0.5 * mean - workspace.targets[k + j])
     mean = speed_at(workspace.rows, k, y, b, a) + rate_of(workspace.rows, k, workspace.u, b, a)
-    along = workspace.x[k] * (0.5 * mean - velocity_tolerance_of(workspace, i, c))
+    along = workspace.x[k] * (0.5 * mean - support_speed(workspace, i, c))
     return across, along, workspace.x[k] * rebound
 
 
@@ -334,15 +334,14 @@ def some_rebound(tables, workspace, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
         c = workspace.active[i]
-        if bounces(tables, c) and workspace.targets[CONTACT_ROWS * i] > velocity_tolerance_of(
-            workspace, i, c
-        ):
+        if bounces(tables, c) and rebound_of(workspace, i, c) > 0.0:
             return True
     return False
 
 
-def note_gains(tables, workspace, y, n, found):
-    """Note the rebounds that create energy, and take them away; how many there are."""
+def take_gains(tables, workspace, y, n, restitution):
+    """Take away the rebounds that create energy; how many there are.  restitution: e of those that
+    have been Newton's, else 0, (n,)."""
     count, total = 0, np.zeros((tables.bodies.shape[0], 2))
     for i in range(n):
         if bounces(tables, workspace.active[i]):
@@ -351,33 +350,16 @@ def note_gains(tables, workspace, y, n, found):
             add_to(total, workspace.ends[i, 1], across + along, taken)
     for i in range(n):
         c, k = workspace.active[i], CONTACT_ROWS * i
-        found[i, WHOLE] = 0.0
+        restitution[i] = 0.0
         across, along, taken = made_in(workspace, y, i, c)
         if bounces(tables, c) and creates(across, along, taken) and gains(total, workspace, i):
-            whole = workspace.targets[k] - velocity_tolerance_of(workspace, i, c)
-            found[i, LAST], found[i, SPEED], found[i, WHOLE] = workspace.x[k], whole, whole
-            workspace.targets[k] -= whole
+            if workspace.rules[i, LEAST] > 0.0:
+                workspace.rules[i, LEAST] = 0.0
+            else:
+                restitution[i] = tables.laws[c, RESTITUTION]
+                workspace.targets[k] = support_speed(workspace, i, c)
             count += 1
     return count
-
-
-def note_impulses(workspace, n, found, at):
-    """Note the normal impulses: those WITHOUT a rebound, or as LAST those of the last try."""
-    for i in range(n):
-        found[i, at] = workspace.x[CONTACT_ROWS * i]
-
-
-def aim_at_poisson(tables, workspace, n, found):
-    """Rebounds at which impulses would be 1 + e times those without, by the last try."""
-    for i in range(n):
-        c, k = workspace.active[i], CONTACT_ROWS * i
-        if found[i, WHOLE] == 0.0:
-            continue
-        more = found[i, LAST] - found[i, WITHOUT]
-        wanted = tables.laws[c, RESTITUTION] * found[i, WITHOUT]
-        speed = found[i, SPEED] * wanted / more if more > 0.0 else 0.0
-        found[i, SPEED] = min(speed, found[i, WHOLE])
-        workspace.targets[k] = velocity_tolerance_of(workspace, i, c) + found[i, SPEED]
 
 
 def fastest_of(tables, y):
@@ -528,20 +510,19 @@ def solve_without_gain(tables, workspace, graph, x, y):
     n = graph.ends.shape[0]
     if not some_rebound(tables, workspace, n):
         return rest, made
-    found = np.empty((n, REBOUND_WIDTH))
-    if note_gains(tables, workspace, y, n, found) == 0:
+    restitution = np.empty(n)
+    if take_gains(tables, workspace, y, n, restitution) == 0:
         return rest, made
     rest, more = solve_impulses(tables, workspace, graph, x, y)
-    note_impulses(workspace, n, found, WITHOUT)
-    for _ in range(SECANTS):
-        made += more
-        aim_at_poisson(tables, workspace, n, found)
+    for i in range(n):
+        if restitution[i] > 0.0:
+            workspace.rules[i, LEAST] = (1.0 + restitution[i]) * x[CONTACT_ROWS * i]
+    rest, again = solve_impulses(tables, workspace, graph, x, y)
+    made += more + again
+    if take_gains(tables, workspace, y, n, restitution) > 0:
         rest, more = solve_impulses(tables, workspace, graph, x, y)
-        note_impulses(workspace, n, found, LAST)
-    if note_gains(tables, workspace, y, n, found) > 0:
         made += more
-        rest, more = solve_impulses(tables, workspace, graph, x, y)
-    return rest, made + more
+    return rest, made
 
 
 def solve_step(tables, memory, workspace, y, h):

@@ -17,7 +17,7 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.spec import BodyState
-from rb_sim.contact.contact_graph import CONTACT_ROWS, add_impulse, coupled, rate_of
+from rb_sim.contact.problem import CONTACT_ROWS, add_impulse, coupled, rate_of
 from rb_sim.contact.stepping.constraint_rows import write_row
 from rb_sim.contact.stepping.geometry import FAR, find_spots, had_impulse, note_ends, spot_at
 from rb_sim.contact.stepping.scene_tables import (

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
-from rb_sim.contact.contact_graph import BLOCK, CONTACT_ROWS, RULES, WIDTH
 from rb_sim.contact.gauss_seidel import MOST_TOGETHER
+from rb_sim.contact.problem import BLOCK, CONTACT_ROWS, RULES, WIDTH
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13

@@ -259,7 +259,7 @@ def near_flat(tilt: float, length: float) -> tuple[float, float]:
 
 def kinetic_energy(at: Instant) -> float:
     u = velocities(at.system, at.y)
-    return float(0.5 * u @ np.linalg.solve(at.inverse_mass, u))
+    return float(0.5 * u.ravel() @ np.linalg.solve(at.inverse_mass, u.ravel()))
 
 
 @pytest.mark.parametrize("tilt", [1e-9, 1e-7, 1e-5])
