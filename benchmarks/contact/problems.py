@@ -51,8 +51,8 @@ class Problem(NamedTuple):
     """lines with x >= least, w >= 0, one of them zero, (n,) of bool."""
     least: Array
     bounds: list[tuple[list[int], int, float]]
-    """rows of friction, row of their normal force (-1: none), coefficient (inf: no slip with a normal
-    force), or the bound without a normal force."""
+    """rows of friction, row of their normal force (-1: none), coefficient (inf: none slips with a
+    normal force), or the bound without a normal force."""
     x: Array
 
 
