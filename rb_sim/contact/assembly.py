@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The contact problem at an event: its rows, and what its level makes of velocities and targets.
+"""The contact problem at an event: its rows, and A and b at each of its levels.
 
 u and accelerations are (v_WC, w_WB_B) of all bodies, (N, 6).
 """
@@ -79,8 +79,8 @@ def inverse_mass(system: ContactBodies) -> Array:
 
 
 def push(system, workspace, x, u, after):
-    """after = u + M^-1 J^T x of all rows; returns the work of x [J], without what driven supports
-    take of it, and the size of its terms."""
+    """Write u + M^-1 J^T x of all rows to `after`; returns the work of x [J], and the sum of its
+    absolute terms."""
     rows, ends, work, size = workspace.all_rows, system.row_table, 0.0, 1e-300
     for i in range(u.shape[0]):
         for j in range(6):
@@ -97,15 +97,15 @@ def push(system, workspace, x, u, after):
 
 
 def read_velocities(system, y, u):
-    """u of the coordinates y."""
+    """Write the velocities of the coordinates y to u."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             u[i, j] = y[WIDTH * i + 7 + j]
 
 
 def write_all_rows(system, t, y, workspace):
-    """The rows at (t, y) into the workspace: those with every contact closed and stuck, and those
-    along which forces push, and the loads, in the modes that the table of contacts has."""
+    """Write the rows at (t, y) into the workspace with every contact closed and stuck; and force
+    directions and accelerations by the loads, in the modes of the table of contacts."""
     table, n = system.contact_table, system.row_table.shape[0]
     modes = np.empty((table.shape[0], 4))
     for c in range(table.shape[0]):
@@ -137,7 +137,7 @@ def write_all_rows(system, t, y, workspace):
 
 
 def take_row(system, columns, k, out):
-    """Row k of 12 columns (body, parent) as a row of the problem."""
+    """Write row k of 12 columns (body, parent) as a row of the problem."""
     for j in range(12):
         out[k, j] = columns[k, j]
     respond(out, k, system.bodies, system.row_table[k, BODY], system.row_table[k, PARENT])
@@ -157,21 +157,20 @@ def set_velocities(system: ContactBodies, y: Array, u: Array) -> None:
 
 
 def spread(system: ContactBodies, rows: Array) -> Array:
-    """Rows of 12 columns (body, parent) and more as rows of 6N."""
+    """Rows of the problem, whose first 12 columns are body and parent, as rows of 6N columns."""
     n, bodies = len(rows), system.bodies.shape[0]
-    out = np.zeros((n, bodies + 1, 6))  # the last is the world's
+    out = np.zeros((n, bodies + 1, 6))  # the last body is the world
     out[np.arange(n), system.row_table[:n, BODY]] = rows[:, :6]
     out[np.arange(n), system.row_table[:n, PARENT]] += rows[:, 6:12]
     return out[:, :bodies].reshape(n, 6 * bodies)
 
 
 SOLVED, UNSOLVED, NOT_FINITE = 0, 1, 2
-"""What becomes of a problem: a solution, none that Newton's iteration finds, or numbers that are
-none."""
+"""Result of a problem: solved, no solution found, or numbers that are not finite."""
 
 
 def solve_in(workspace, n, m, A, b, terms, x):
-    """Into x the solution of n rows and m bounds; returns what has become of it."""
+    """Write the solution of n rows and m bounds to x; returns SOLVED, UNSOLVED or NOT_FINITE."""
     residual = solution(problem_of(workspace, n, m, A, b, x), pointer(terms), pointer(x))
     if residual != residual:
         return NOT_FINITE
@@ -179,16 +178,16 @@ def solve_in(workspace, n, m, A, b, terms, x):
 
 
 CANDIDATE, PRESSED = 1, 2
-"""How a contact takes part: it may push, or a compliant support pushes it by a given force."""
+"""Participation of a contact: rigid, or on a compliant support with a given normal force."""
 EASED = 1e-8
 """Fraction by which all friction bounds are lowered once one is reached: contacts that share a
 load, such as the two ends of an edge, then begin to slip together and in the same direction."""
 LEAST_BOUND = 1e-300
-"""Of friction that may be at rest and has no kinetic part: its slip begins in some direction."""
+"""Smallest bound of friction of a sticking contact, so that its slip has a direction."""
 
 
 def easing(workspace):
-    """What all bounds at rest are multiplied by."""
+    """Factor of all friction bounds at rest, see EASED."""
     for c in range(workspace.moved.shape[0]):
         for way in range(3):
             if workspace.moved[c, way] == 1:
@@ -197,8 +196,8 @@ def easing(workspace):
 
 
 def lay_out_forces(system, workspace):
-    """The rows that hold, and their laws: what slips has its friction in its normal row, what a
-    support presses has a given normal force. Returns (rows, bounds)."""
+    """Write the active rows and their laws: slipping contacts have friction in the normal row,
+    compliant ones a given normal force. Returns (rows, bounds)."""
     table, rules, ease = system.contact_table, workspace.contact_rules, easing(workspace)
     for c in range(table.shape[0]):
         pressed = workspace.taking_part[c] == PRESSED
@@ -213,7 +212,7 @@ def lay_out_forces(system, workspace):
 
 
 def lay_out_in(system, workspace):
-    """The rows of joints and contacts, by the rules of the workspace."""
+    """As `problem.lay_out`, by the rules of the workspace."""
     return lay_out(
         workspace.all_rows,
         workspace.contact_rules,
@@ -229,7 +228,7 @@ VELOCITY, ACCELERATION, STEP = range(3)
 
 
 class Velocities(NamedTuple):
-    """At the instant of a problem."""
+    """Velocities at an instant."""
 
     u: Any
     """of the bodies, (N, 6)."""
@@ -238,7 +237,7 @@ class Velocities(NamedTuple):
 
 
 def along_rows(system, workspace, u, v):
-    """v = J u - rate, of all rows."""
+    """Write v = J u - rate of all rows."""
     ends = system.row_table
     for k in range(v.shape[0]):
         v[k] = (
@@ -248,8 +247,8 @@ def along_rows(system, workspace, u, v):
 
 
 def assemble(system, workspace, level, n, u, duration, A, b, terms):
-    """A, b and the sizes of the terms of b, of the n rows laid out; u: velocities, which
-    accelerations do not need; duration: of a step [s]."""
+    """Write A, b and the absolute terms of b for the n rows laid out. u: velocities (not used for
+    accelerations); duration: of a step [s]."""
     rows, ends, a = workspace.all_rows, system.row_table, workspace.free_accelerations
     w, free, targets = np.zeros_like(a), np.empty_like(a), np.empty_like(workspace.row_rate)
     for i in range(a.shape[0]):
@@ -272,8 +271,8 @@ def assemble(system, workspace, level, n, u, duration, A, b, terms):
 
 
 def find_moving(system, workspace, p, m, x, duration):
-    """What has a velocity at the end of so long a time has left its rest, w being accelerations;
-    returns whether any of it had not yet."""
+    """Let contacts slide that move at the end of the duration [s] by the accelerations w; returns
+    whether there are new ones."""
     new = False
     for i in range(m):
         c, way = workspace.moves[i, 0], workspace.moves[i, 1]
@@ -286,9 +285,9 @@ def find_moving(system, workspace, p, m, x, duration):
 
 
 def answer_over(system, workspace, y, duration):
-    """The impulses of all rows over a short time into the workspace, all contacts that take part
-    closed and at rest in the table, y the state before; those that move at its end slide in the
-    table then. Returns what becomes of it."""
+    """Write the impulses of all rows over a short time from y into the workspace. The participating
+    contacts must be closed and at rest in the table; afterwards those that move at the end slide.
+    Returns SOLVED, UNSOLVED or NOT_FINITE."""
     u = np.empty_like(workspace.free_accelerations)
     read_velocities(system, y, u)
     modes = np.empty((system.contact_table.shape[0], 3))
@@ -317,7 +316,8 @@ def answer_over(system, workspace, y, duration):
 
 
 def take_impulses(workspace, n, x, duration):
-    """The impulses of all rows into the workspace: x over the duration of the n that take part."""
+    """Write the impulses of all rows into the workspace: those of the n participating rows are x
+    times the duration [s]."""
     for k in range(workspace.impulses.shape[0]):
         workspace.impulses[k] = 0.0
     for i in range(n):

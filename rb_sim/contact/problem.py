@@ -19,12 +19,12 @@ of the rows that take part, at each of its levels:
     short step     mean accelerations  a + u / h              rate / h - bias       impulses over h
     time step      velocities after    u before + h a         from gaps, rebounds   impulses
 
-A contact has six rows: along its normal and two tangents, then, where it resists turning, about
-both tangents and the normal.  A row's columns are force on B (3, world), torque on B (3, body
-axes), the same on A, then I^-1 torque of both and 1/m of both.  Rows of joints are written alike.
-W is J but for the normals of slipping contacts, which push along n + T/N; impacts bound friction by
-itself.  Heaps are solved as a graph, whose bodies' velocities couple its contacts; few contacts by
-dense matrices.
+A contact has six rows: along its normal and two tangents, then, if it resists rotation, about both
+tangents and the normal. The columns of a row are force on B (3, world), torque on B (3, body axes),
+the same on A, then I^-1 torque of both and 1/m of both. Rows of joints have the same form. W equals
+J except for the normal rows of slipping contacts, whose force is along n + T/N; in impacts friction
+has bounds of its own. Heaps are solved as a graph whose contacts are coupled by the velocities of
+the bodies; a few contacts by dense matrices.
 """
 
 from __future__ import annotations
@@ -49,24 +49,24 @@ from rb_sim.numerics.complementarity import NORMAL as OF_NORMAL
 from rb_sim.numerics.kernels import integers, pointer
 from rb_sim.numerics.vectors import symmetric_times
 
-# Arrays in kernels as loops: what is compiled knows no expressions of whole arrays.
+# Loops over arrays, since compiled functions have no expressions of whole arrays.
 
 
 def copy(to, of):
-    """The numbers of a vector, in `to`."""
+    """Copy a vector to `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
 
 
 def copy_rows(to, of):
-    """The numbers of a matrix, in `to`."""
+    """Copy a matrix to `to`."""
     for i in range(of.shape[0]):
         for j in range(of.shape[1]):
             to[i, j] = of[i, j]
 
 
 def largest(x):
-    """The largest absolute value of a vector; NaN if one is."""
+    """Largest absolute value of a vector; NaN if it has one."""
     most = 0.0
     for i in range(x.shape[0]):
         size = abs(x[i])
@@ -80,24 +80,24 @@ FORCE_B, TORQUE_B, FORCE_A, TORQUE_A, TURN_B, TURN_A, LIGHT_B, LIGHT_A, WIDTH = 
 )  # fmt: skip
 """Columns of Graph.rows."""
 CONTACT_ROWS = 6
-"""Of each contact."""
+"""Number of rows of a contact."""
 ENOUGH = 1e-7
-"""Change of an impulse, or residual of the natural map, relative to the largest impulse, at
-which a step counts as solved: far below the error of the step itself."""
+"""Change of an impulse, or natural map, relative to the largest impulse, at which a step is solved:
+far below the error of the step itself."""
 FINE = 1e-4
-"""Natural map of the laws, relative to the largest impulse, that a step may leave where contacts
-contradict each other, and at which sweeps of a moving heap need no Newton's method and contacts
-need not grip firmer in it: it is reported as GAVE alone."""
+"""Natural map of the laws, relative to the largest impulse, that is allowed in a moving heap and if
+contacts contradict each other; it is reported as GAVE."""
 BOUND, COMPLIANCE, VISCOUS_PER_NORMAL, VISCOUS, PULLS, LEAST, ROLLS, SPINS, PART, RULES = range(10)
-"""Columns of Graph.rules: coefficient of friction (of a law without corner: -1), velocity that the
-support gives per impulse, impulse of that law per slip (per N and without), whether N may pull,
-least normal impulse, arms of rolling and spinning resistance, and how the contact takes part."""
+"""Columns of Graph.rules: coefficient of friction (-1: viscous), velocity of the support per
+impulse, viscous impulse per slip (per N, and independent of it), whether N may be negative, least
+normal impulse, arms of rolling and spinning resistance, and the participation of the contact."""
 HOLDS = -2.0
-"""Instead of a coefficient of friction: the contact does not slip, whatever that takes."""
+"""Value of BOUND for a contact that does not slip, with unbounded friction."""
 FREE, GIVEN, APART = 0.0, 1.0, 2.0
-"""How a contact takes part: with a normal impulse that is sought; with one that is given, where
-BOUND, ROLLS and SPINS are the bounds themselves; not at all."""
+"""Participation of a contact: with an unknown normal impulse; with a given one, where BOUND, ROLLS
+and SPINS are the bounds themselves; not at all."""
 BLOCK = 6
+"""Number of elements of the symmetric block of a contact."""
 
 
 class Graph(NamedTuple):
@@ -108,21 +108,21 @@ class Graph(NamedTuple):
     rows: np.ndarray
     """rows of the contacts, shape (CONTACT_ROWS n, WIDTH)."""
     targets: np.ndarray
-    """what rows u (and give times impulse) has to become [m/s], shape (CONTACT_ROWS n,)."""
+    """required values of rows u + compliance times impulse [m/s], shape (CONTACT_ROWS n,)."""
     rules: np.ndarray
     """shape (n, RULES)."""
     blocks: np.ndarray
-    """own block of W of each contact (nn, n1, n2, 11, 12, 22), shape (n, BLOCK)."""
+    """block of A of each contact (nn, n1, n2, 11, 12, 22), shape (n, BLOCK)."""
     joint_ends: np.ndarray
-    """bodies of each row, and whether it depends on others and gets no impulse, shape (m, 3)."""
+    """bodies of each row, and whether it is dependent and gets no impulse, shape (m, 3)."""
     joint_rows: np.ndarray
     """shape (m, WIDTH)."""
     joint_targets: np.ndarray
     """shape (m,)."""
     joint_factor: np.ndarray
-    """work: factors of their own block of W, shape (m, m); (0, 0) for rows too many for that."""
+    """workspace: factors of the block of the joints, shape (m, m); (0, 0) for too many rows."""
     spare: np.ndarray
-    """work, shape (2, m)."""
+    """workspace, shape (2, m)."""
 
 
 def rate_of(rows, k, u, b, a):
@@ -163,12 +163,12 @@ def coupled(rows, i, k, a):
 
 
 def mean_rate(rows, k, before, after, b, a):
-    """Mean of the rates of row k at two velocities: an impulse along it does so much work each."""
+    """Mean of the rates of row k at two velocities: work of an impulse along it, per impulse."""
     return 0.5 * (rate_of(rows, k, before, b, a) + rate_of(rows, k, after, b, a))
 
 
 def respond(rows, k, bodies, b, a):
-    """Write what row k, of which force and torque stand there, makes of velocities per impulse."""
+    """Write the change of velocities per impulse of row k, whose forces and torques are given."""
     keep(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), vec(rows, k, TORQUE_B)))
     rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / bodies[b, MASS], 0.0
     if a >= 0:
@@ -176,21 +176,19 @@ def respond(rows, k, bodies, b, a):
         rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
 
 
-# The dense problem: which rows take part, what each is bound to, and the matrix between them.
+# The dense problem: its rows, their laws, and its matrix.
 
 
 class Laws(NamedTuple):
-    """What the rows of a dense problem are bound to; tables for as many as may take part.
-
-    The workspace of events has these fields among others."""
+    """The rows of a dense problem and their laws; the workspace of events has the same fields."""
 
     used: np.ndarray
-    """rows that take part, (n,)."""
+    """participating rows, (n,)."""
     place_of: np.ndarray
-    """of each row among those, (rows,)."""
+    """index of each row among those, (rows,)."""
     units: np.ndarray
-    """of each row that takes part: turning, and moments, are measured at an arm [m], so that least
-    impulses weigh moments beside forces; powers of 2, which are exact, (n,)."""
+    """unit of each participating row, (n,): rotations and torques are measured at an arm [m], so
+    that torques are comparable with forces in least impulses; powers of 2, which are exact."""
     rules: np.ndarray
     """(n,)."""
     least: np.ndarray
@@ -200,11 +198,11 @@ class Laws(NamedTuple):
     limits: np.ndarray
     """(3 C,)."""
     moves: np.ndarray
-    """contact, and way (slip, roll, spin), of each bound, (3 C, 2)."""
+    """contact and kind (slip, roll, spin) of each bound, (3 C, 2)."""
 
 
 def laws_for(rows, contacts):
-    """Tables for so many rows of so many contacts."""
+    """Tables for these numbers of rows and contacts."""
     return Laws(
         np.empty(rows, np.int64), np.empty(rows, np.int64), np.empty(rows),
         np.empty(rows, np.int64), np.empty(rows),
@@ -214,11 +212,11 @@ def laws_for(rows, contacts):
 
 
 NO_ROW = -1
-"""Instead of a rule: the row takes no part."""
+"""Value of a rule for a row that does not participate."""
 
 
 def add_row(laws, n, k, rule):
-    """Let row k take part as the n-th, with the rule; returns how many there are now."""
+    """Add row k as number n with this rule; returns the new number of rows."""
     laws.used[n], laws.place_of[k], laws.units[n] = k, n, 1.0
     laws.rules[n], laws.least[n] = rule, 0.0
     return n + 1
@@ -237,10 +235,10 @@ def rule_of(rules, i, j):
 
 
 def lay_out(rows, rules, first, arm, rough, laws):
-    """Let the rows take part that joints, all rows before the first of contacts, and contacts have
-    by their rules; returns (how many rows, how many bounds).
+    """Write the participating rows of joints (all rows before those of contacts) and contacts, with
+    their laws; returns (number of rows, number of bounds).
 
-    first: first row of each contact; rough: bound of friction above which none slips; arm: see
+    first: first row of each contact; rough: largest bound of friction that is used; arm: see
     Laws.units.
     """
     n, m = 0, 0
@@ -273,12 +271,12 @@ def lay_out(rows, rules, first, arm, rough, laws):
 
 
 def arm_of(length):
-    """The arm at which turning is measured in a scene of this length [m]."""
+    """The arm of Laws.units in a scene of this length [m]."""
     return unit_of(1.0 / (length * length))
 
 
 def fill_column(rows, ends, laws, n, m, w, A):
-    """Column m of A: what the velocities w, made by a unit of the m-th row, are along each row."""
+    """Write column m of A: velocities w, by a unit impulse of row m, along each row."""
     for o in range(n):
         k = laws.used[o]
         b, a, s, more = ends[k, 0], ends[k, 1], 0.0, 0.0
@@ -291,7 +289,7 @@ def fill_column(rows, ends, laws, n, m, w, A):
 
 
 def fill_delassus(rows, pushes, ends, laws, n, w, A):
-    """A of n rows that stand for themselves, joints among them; w: (N, 6) zeros."""
+    """Write A of n rows, including those of joints; w: (N, 6) zeros."""
     for m in range(n):
         k = laws.used[m]
         b, a = ends[k, 0], ends[k, 1]
@@ -304,7 +302,7 @@ def fill_delassus(rows, pushes, ends, laws, n, w, A):
 
 
 def size_of_terms(rows, k, u, b, a):
-    """The size of what `rate_of` sums."""
+    """Sum of the absolute terms of `rate_of`."""
     s = 0.0
     for j in range(6):
         s += abs(rows[k, j] * u[b, j])
@@ -315,7 +313,7 @@ def size_of_terms(rows, k, u, b, a):
 
 
 def fill_free(rows, ends, targets, u, laws, n, b, terms):
-    """b of n rows at the velocities u without reactions, and the sizes of its terms."""
+    """Write b of n rows at the velocities u without reactions, and its absolute terms."""
     for i in range(n):
         k, unit = laws.used[i], laws.units[i]
         body, parent = ends[k, 0], ends[k, 1]
@@ -324,7 +322,7 @@ def fill_free(rows, ends, targets, u, laws, n, b, terms):
 
 
 def problem_of(laws, n, m, A, b, step):
-    """The problem of n rows and m bounds; step: work space of the solver."""
+    """The problem of n rows and m bounds; step: workspace of the solver."""
     return Equations(
         n, m, pointer(A), pointer(b), pointer(step), integers(laws.rules), pointer(laws.least),
         integers(laws.bounds), pointer(laws.limits), 0.0,
