@@ -7,17 +7,18 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Impulses of a step with few contacts, by the dense solver: shares of a load are the least ones.
+"""Impulses of a step with few contacts by the dense solver; impulses that are not unique are least.
 
-Two flat pads that fingers press against a block determine the sum of the pressures at the corners
-of each pad, but not their centre: the joints of the fingers carry any offset.  A table that stands
-on four legs determines the loads of three.  Of what slips in several directions the friction, and
-so the motion, depends on it.  As under event-driven contact (`impacts`) the impulses taken are
-those of minimum norm among those that give all normals, and what sticks, the same velocities.
+The laws do not always determine the impulses. If two fingers with flat pads press a block, only the
+sum of the forces at the corners of each pad is determined, since the joints of the fingers carry
+any offset; of the loads on four table legs only three are. If contacts slip in several directions,
+friction and motion depend on the choice. The impulses of minimum norm are taken among those with
+the same normal velocities, and the same velocities of sticking contacts; impacts of event-driven
+contact use the same function.
 
-With the joints eliminated the problem is w = A r + b of the impulses r of contacts (see
-numerics.complementarity), which is also solved here where sweeps do not get there, as where normal
-impulse and friction work against a joint.
+With the joints eliminated the problem is w = A r + b with the impulses r of contacts (see
+numerics/complementarity). It is also solved here if sweeps do not converge, e.g. if normal impulse
+and friction act against a joint.
 """
 
 from __future__ import annotations
@@ -58,19 +59,18 @@ from rb_sim.numerics.kernels import integers, part, pointer
 from rb_sim.numerics.linear_solves import copy_system, decomposed
 
 MOST_CONTACTS, MOST_JOINTS = 20, 60
-"""Contacts that take part, and rows of joints, up to which a step is solved densely: it costs the
-cube of the contacts, and their square times that of the joints."""
+"""Maximum numbers of active contacts and joint rows for the dense solver: it costs the cube of the
+number of contacts, and its square times that of the joint rows."""
 DEPENDENT = 1e-8
-"""Pivot of the rows that hold, relative to the largest, below which a row depends on others: above
-what is left of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
+"""Relative pivot below which a row is dependent: above the error of joints (1e-9 of the scene's
+length), below the effect of a mass ratio of a million."""
 TURNS = 20
-"""Of solving linear laws after which no least shares are found, and of viscous friction for the
-normal impulses that it has led to."""
+"""Maximum number of iterations of the linear laws, and of viscous friction and normal impulses."""
 
 
 def are_few(graph):
-    """Whether a graph is solved densely: contacts and joints are few, and it is not a heap, of
-    bodies that touch each other with nothing besides."""
+    """Whether a graph is solved densely: it has few contacts and joints, and is no heap of bodies
+    with plain contacts between them."""
     contacts, joints, touch = graph.ends.shape[0], graph.joint_rows.shape[0], False
     for i in range(contacts):
         touch = touch or graph.ends[i, 1] >= 0
@@ -80,8 +80,8 @@ def are_few(graph):
 
 
 def fill_problem(graph, laws, ends, n, u, x, A, b, terms, r):
-    """A of n rows with joints that follow, their impulses r, and b, without what friction without a
-    corner gives; u: velocities that x has been pushed into; terms: sizes of the summands of b."""
+    """Write A of n rows with the joints eliminated, their impulses r, and b, without viscous
+    friction. u: velocities, which include the impulses x; terms: absolute terms of b."""
     w, d, e = np.zeros_like(u), np.empty(graph.joint_rows.shape[0]), graph.joint_ends
     for m in range(n):
         k, unit = laws.used[m], laws.units[m]
@@ -105,9 +105,8 @@ def fill_problem(graph, laws, ends, n, u, x, A, b, terms, r):
 
 
 def find_slack(graph, laws, m, r, slack):
-    """Velocity against which the impulse 1 of each row works besides A, where friction has no
-    corner, for the normal impulses r; such friction has no bound, or is none.  Returns whether
-    there is any."""
+    """Write the diagonal terms of viscous friction (slip per impulse) at the normal impulses r, and
+    its bounds (infinite or 0); returns whether there is any."""
     viscous = False
     for o in range(slack.shape[0]):
         slack[o] = 0.0
@@ -123,8 +122,8 @@ def find_slack(graph, laws, m, r, slack):
 
 
 def hold(p, slow, x, rules, b):
-    """Copy rules and b of a problem, but let each unilateral row that does not open at the solution
-    x hold both ways, and put each other one out of reach."""
+    """Copy rules and b of a problem; unilateral rows that are closed at the solution x become
+    equalities, and open ones get b = inf."""
     for k in range(p.n):
         rules[k], b[k] = p.rules[k], p.b[k]
         if p.rules[k] == UNILATERAL and row_times(p, k, x) <= slow:
@@ -134,12 +133,12 @@ def hold(p, slow, x, rules, b):
 
 
 def find_least(p, held, rules, b, x, work):
-    """Replace x by the least x that solves the laws, linear about x, until it stays the same, where
-    what would pull no longer holds.  Returns the unknowns that are not determined; -1 if x does
-    not stay.
+    """Replace x by the least solution of the laws linearised about x, until it no longer changes;
+    rows that would pull are opened. Returns the number of undetermined unknowns, or -1 without
+    convergence.
 
-    held: p with the rules and b of `hold`, or p itself, of which nothing is written then; work:
-    n (2 n + 7) numbers.
+    held: p with the rules and b of `hold`, or p itself, which is then not written; work: n (2 n +
+    7) numbers.
     """
     n = p.n
     J, w, F, new, rest = (
@@ -169,13 +168,13 @@ def find_least(p, held, rules, b, x, work):
 
 
 def misfit(p, x, work):
-    """Residual of the laws at x, see `relative`."""
+    """Residual of the laws at x, see complementarity.relative."""
     n = p.n
     return relative(p, equations(p, x, work, part(work, n), part(work, 2 * n)), x)
 
 
 def largest_change(p, x, other):
-    """(the largest change of w between two solutions, relative to what x makes of one)."""
+    """Largest difference of w between two solutions, relative to the largest A x."""
     most, made = 0.0, 0.0
     for k in range(p.n):
         given = row_times(p, k, x) - p.b[k]
@@ -193,9 +192,8 @@ def slips(p, slow, x):
 
 
 def find_open(p, held, slow, rules, b, x, other, work):
-    """(the largest change of w if a contact that pushes in the least solution x did not, and the
-    row of that contact; 0 and 0 where w is the same).  other: n numbers, the rest as in
-    `find_least`."""
+    """(largest change of w if a closed contact of the least solution x were open, row of that
+    contact); (0, 0) if w does not change. other: n numbers; the rest as in `find_least`."""
     figure, of = 0.0, 0
     for released in range(p.n):
         hold(p, slow, x, rules, b)
@@ -212,8 +210,8 @@ def find_open(p, held, slow, rules, b, x, other, work):
 
 
 def take_least(p, slow, x, look):
-    """Let the solution x of a problem be the least one; returns (unknowns that the laws do not
-    determine, what `find_open` finds if asked to look).  slow: w that is none."""
+    """Replace a solution x by the least one; returns (number of undetermined unknowns, result of
+    `find_open` if `look`). slow: w that counts as zero."""
     n, figure, of = p.n, 0.0, 0
     rules, b = np.empty(n, np.int64), np.empty(n)
     held = p._replace(rules=integers(rules), b=pointer(b))
@@ -233,7 +231,7 @@ def take_least(p, slow, x, look):
 
 
 def solve_near(p, terms, x):
-    """Replace x by the solution near it, or by any other if none is found there."""
+    """Replace x by a solution near it, or by any other one if there is none."""
     numbers = np.empty(p.n * (2 * p.n + 7))
     work = pointer(numbers)
     if find_least(p, p, p.rules, p.b, x, work) < 0 or misfit(p, x, work) > FINE:
@@ -241,7 +239,7 @@ def solve_near(p, terms, x):
 
 
 def take_over(graph, u, x, joints, laws, ends, r):
-    """Let the impulses of the rows laid out be r; u and those of the joints follow."""
+    """Set the impulses of the rows laid out to r; update u and the impulses of the joints."""
     for m in range(r.shape[0]):
         k, taken = laws.used[m], r[m] * laws.units[m]
         add_impulse(graph.rows, k, u, ends[k, 0], ends[k, 1], taken - x[k])
@@ -250,14 +248,12 @@ def take_over(graph, u, x, joints, laws, ends, r):
 
 
 def solve_few(graph, u, x, joints, slow, length, look):
-    """Solve a graph of which `are_few` is true from what sweeps have left, with the least shares
-    where the laws leave them open.
+    """Solve a graph with `are_few` from the result of sweeps, with the least impulses.
 
-    Where contacts of a body contradict each other, as corners that land together but for rounding,
-    the laws are kept on the mean.  slow: velocity that is none; length: of the scene.  Returns
-    (natural map of the laws over the largest impulse, how much shares change of a velocity relative
-    to what impulses make of it, if asked to look, and the number of a contact that has such a
-    share).
+    If contacts of a body contradict each other, such as corners that land together except for
+    rounding, the laws are kept in the mean. slow: velocity that counts as zero; length: of the
+    scene. Returns (natural map of the laws relative to the largest impulse, relative change of a
+    velocity by other solutions if `look`, and a contact of these).
     """
     contacts = graph.ends.shape[0]
     laws = laws_for(CONTACT_ROWS * contacts, contacts)
