@@ -9,17 +9,19 @@
 
 """One step of bodies in contact: impulses over the step, no events (Moreau 1988; Jean 1999).
 
-Bodies move half a step at their old velocities and half at their new ones.  Between, where they
-are then, one friction problem gives the impulses of all contacts and joints at once:
+Bodies move half a step with their old velocities and half a step with the new ones. At the middle,
+one friction problem determines the impulses of all contacts and joints together:
 
-    J u+ >= -gap / h  along normals (e times the speed of approach back where it is an impact),
+    J u+ >= -gap / h  along normals (rebound with e times the speed of approach in an impact),
     Coulomb's law between impulse and slip after it,
 
-where what touches already has the velocity that is none at the end of the step (see `bends`).
+and the normal velocity of contacts that were closed becomes zero at the end of the step (bends, see
+geometry).
 
-Impacts, stick and slip are spread over the step in which they happen: order 1, but any number of
-contacts and any length of step.  What overlaps at the end is pushed apart.  The gyroscopic torque
-is taken by the implicit midpoint rule; viscous friction and compliant supports implicitly.
+Impacts, sticking and slip are spread over the step in which they happen: the method has order 1,
+but allows any number of contacts and any step. Bodies that overlap at the end are separated. The
+gyroscopic torque is integrated by the implicit midpoint rule; viscous friction and compliant
+supports are implicit as well.
 """
 
 from __future__ import annotations
@@ -121,15 +123,16 @@ from rb_sim.numerics.vectors import (
     symmetric_times,
 )
 
-# What is left to do once the impulses are known: rest, work, modes.
+# After the solution: bodies at rest, work, modes.
 
 
 AT_BOUND = 0.9
-"""Share of the bound of friction from which on it is reached."""
+"""Fraction of the largest friction at which a perfectly rough contact counts as slipping."""
 
 
 def quieten(tables, workspace, n, h):
-    """A velocity that is but the rounding of its terms is none."""
+    """Set velocities to zero that are only rounding of their terms, so that bodies at rest do not
+    creep."""
     b, u, sizes = tables.bodies, workspace.u, workspace.before
     for i in range(b.shape[0]):
         sizes[2 * i] = h * norm(vec(b, i, LOAD)) / b[i, MASS]
@@ -146,13 +149,13 @@ def quieten(tables, workspace, n, h):
     for i in range(b.shape[0]):
         for part in range(2):
             v = vec(u, i, 3 * part)
-            if norm(v) <= SOLVED * sizes[2 * i + part]:  # what rests does not creep
+            if norm(v) <= SOLVED * sizes[2 * i + part]:
                 keep(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
 def work_done(workspace, n):
-    """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
-    own is the change of kinetic energy exactly."""
+    """Work of the contacts on the bodies [J]: impulse times mean velocity, which together with the
+    work of the loads is exactly the change of kinetic energy."""
     before, after, work = workspace.turning, workspace.u, 0.0
     for k in range(CONTACT_ROWS * n):
         if workspace.x[k] != 0.0:
@@ -162,8 +165,8 @@ def work_done(workspace, n):
 
 
 def gained_by(laws, workspace, n):
-    """Energy that rigid contacts have given in the step [J], impulse times mean velocity over their
-    supports'; by their laws they take some or none."""
+    """Energy gained in rigid contacts in the step [J]: impulse times mean velocity relative to the
+    support; by their laws it is not positive."""
     made = 0.0
     for i in range(n):
         c, b, a = workspace.active[i], workspace.ends[i, 0], workspace.ends[i, 1]
@@ -180,9 +183,9 @@ def gained_by(laws, workspace, n):
 
 
 def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
-    """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
-    pulls its bodies together by more than the impulse along its normal drives them apart, so that
-    several impulses fit, or none.  slow: slip that is none."""
+    """Whether contact i slips and has Painleve's paradox: friction against its slip pulls the
+    bodies together by more than the normal impulse separates them, so that there are several
+    solutions or none. slow: slip that counts as zero."""
     k, w = CONTACT_ROWS * i, blocks
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1] - bends[i, 1]
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2] - bends[i, 2]
@@ -192,15 +195,14 @@ def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
 
 
 def slips_though_rough(laws, x, k, c):
-    """Whether friction of a perfectly rough contact is at the bound that solvers set it: it would
-    lift the contact as it stops the slip, and does no more than what keeps it down, so that the
-    contact slips as with a very large coefficient."""
+    """Whether a perfectly rough contact slips, with its friction at the solver's bound: more
+    friction would lift the contact."""
     across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
     return laws[c, STATIC] >= PERFECTLY_ROUGH and across > AT_BOUND * ROUGH * abs(x[k])
 
 
 def keep_impulses(tables, memory, workspace, y, n, h):
-    """Impulses and modes of the points that took part, for the next step and for reports."""
+    """Store impulses and modes of the active points, for the next step and for samples."""
     x, laws, turned, several, rough = workspace.x, tables.laws, 0.0, 0.0, 0.0
     active, ends, spots, rules = workspace.active, workspace.ends, workspace.spots, workspace.rules
     rows, blocks, targets, u = workspace.rows, workspace.blocks, workspace.targets, workspace.u
@@ -212,12 +214,12 @@ def keep_impulses(tables, memory, workspace, y, n, h):
             turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
         held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
         moves = dot(vec(spots, c, NORMAL), vec(spots, c, MOVES))
-        if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved on
+        if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved
             closing = (
                 2.0 * moves - rate_of(rows, k, workspace.turning, b, a) - rate_of(rows, k, u, b, a)
             )
             workspace.notes[STRUCK] += 0.5 * x[k] * max(0.0, closing)
-        bore = bears or memory[c, CLOSED] != 0.0  # it may have gone where it could as well push
+        bore = bears or memory[c, CLOSED] != 0.0  # the other solution may be closed
         slips = mu > 0.0 and memory[c, SLIDE] != STUCK
         if (
             slips
@@ -258,29 +260,28 @@ def keep_impulses(tables, memory, workspace, y, n, h):
     workspace.notes[ROUGH_SLIPS] += rough
 
 
-# Rebounds that would create energy.
+# Rebounds that would increase the energy.
 #
-# Newton's restitution along the normal and Coulomb's friction across it may together give more
-# energy than the impact has taken (Kane and Levinson 1985): friction works on the mean of the slips
-# before and after, which point in different directions.  There Poisson's law holds, as in
-# `impacts`: the normal impulse is at least 1 + e times what it is without a rebound; and none
-# rebounds if that gives energy too.  Energy is that of the whole impact of a body: of several
-# corners that strike at once some may gain what others lose.
+# Newton's restitution and Coulomb's friction together may increase the energy (Kane and Levinson
+# 1985), since friction works on the mean of the slips before and after the impact, which may have
+# different directions. Then Poisson's law is used, as in `impacts`: the normal impulse is at least
+# 1 + e times that without a rebound; and no rebound if that increases the energy as well. The
+# energy is that of the whole impact of a body: if several corners hit together, some may gain what
+# others lose.
 
 
 GAINS = 1e-5
-"""Work of an impact, relative to impulse times speed of rebound, above which the impact creates
-energy; solvers leave up to 1e-6, where the corners of a box press against each other by
-friction."""
+"""Work of an impact, relative to impulse times speed of rebound, above which it increases the
+energy; solvers leave up to 1e-6 if friction presses the corners of a box against each other."""
 
 
 def support_speed(workspace, i, c):
-    """Speed along the normal of contact i, point c, at which its surfaces stay together."""
+    """Normal speed of the support of contact i, point c."""
     return dot(vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, MOVES))
 
 
 def rebound_of(workspace, i, c):
-    """Speed with which contact i, point c, rebounds: Newton's, or what Poisson's law has given."""
+    """Speed of rebound of contact i, point c, by Newton's or Poisson's law."""
     k, speed = CONTACT_ROWS * i, workspace.targets[CONTACT_ROWS * i]
     if workspace.rules[i, LEAST] > 0.0:
         b, a = workspace.ends[i, 0], workspace.ends[i, 1]
@@ -289,14 +290,13 @@ def rebound_of(workspace, i, c):
 
 
 def bounces(tables, c):
-    """True of a point that rebounds, if it is struck."""
+    """Whether point c rebounds in an impact."""
     return tables.laws[c, RESTITUTION] > 0.0 and tables.laws[c, COMPLIANT] == 0.0
 
 
 def made_in(workspace, y, i, c):
-    """(energy that friction makes at contact i, which is point c [J], that which its normal
-    impulse makes [J], what its rebound takes [J]) in an impact; zeros where it does not rebound.
-    y: before it."""
+    """(work of friction at contact i, point c, work of its normal impulse, impulse times speed of
+    rebound) in an impact [J]; zeros without a rebound. y: state before it."""
     b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], CONTACT_ROWS * i, 0.0
     rebound = rebound_of(workspace, i, c)
     if not rebound > 0.0 or not workspace.x[k] > 0.0:
@@ -313,19 +313,19 @@ def made_in(workspace, y, i, c):
 
 
 def creates(across, along, taken):
-    """Whether friction makes energy that the normal impulse does not take."""
+    """Whether the work of friction is positive and more than the normal impulse dissipates."""
     return across > 0.0 and across + along > GAINS * taken
 
 
 def add_to(total, body, made, taken):
-    """Add the energies of one point to those of a body; -1: the surroundings."""
+    """Add the energies of one point to those of a body; -1: the world."""
     if body >= 0:
         total[body, 0] += made
         total[body, 1] += taken
 
 
 def gains(total, workspace, i):
-    """Whether the impact of a body of contact i creates energy, over all points that it has."""
+    """Whether the impact of a body of contact i, over all its points, increases the energy."""
     b, a = workspace.ends[i, 0], workspace.ends[i, 1]
     return total[b, 0] > GAINS * total[b, 1] or (a >= 0 and total[a, 0] > GAINS * total[a, 1])
 
@@ -340,8 +340,8 @@ def some_rebound(tables, workspace, n):
 
 
 def take_gains(tables, workspace, y, n, restitution):
-    """Take away the rebounds that create energy; how many there are.  restitution: e of those that
-    have been Newton's, else 0, (n,)."""
+    """Remove the rebounds that increase the energy; returns their number. restitution: becomes e
+    for those by Newton's law, else 0, (n,)."""
     count, total = 0, np.zeros((tables.bodies.shape[0], 2))
     for i in range(n):
         if bounces(tables, workspace.active[i]):
@@ -363,7 +363,7 @@ def take_gains(tables, workspace, y, n, restitution):
 
 
 def fastest_of(tables, y):
-    """Speed [m/s] that no surface exceeds, or the scene's if that is more."""
+    """Upper bound of the speed of all surfaces [m/s], at least the scene's speed."""
     fastest = tables.scales[1]
     for i in range(tables.bodies.shape[0]):
         B = state_of(y, i)
@@ -372,7 +372,7 @@ def fastest_of(tables, y):
 
 
 def after_turn(q, w, h):
-    """q after the turn w h, body axes, exactly."""
+    """q after the rotation w h, body axes."""
     angle = 0.5 * h * norm(w)
     s = 0.5 * h if angle < 1e-8 else 0.5 * h * math.sin(angle) / angle
     if s * norm(w) == 0.0:
@@ -381,10 +381,10 @@ def after_turn(q, w, h):
 
 
 def spin_after(inertia, inverse, w, h):
-    """Spin after h without torque (body axes), by the implicit midpoint rule; as it was where its
-    rounds do not converge: too much turn in one step."""
+    """Angular velocity after h without torque (body axes), by the implicit midpoint rule; unchanged
+    if the iteration does not converge (too much rotation in one step)."""
     w1 = w
-    if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:  # as of all that rests in a heap
+    if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:
         return w
     for _ in range(GYROSCOPIC_ROUNDS):
         mean = scale(0.5, add(w, w1))
@@ -396,7 +396,7 @@ def spin_after(inertia, inverse, w, h):
 
 
 def move(y, i, d, turn, h):
-    """Move body i by h d, and turn it by h times `turn` (body axes)."""
+    """Move body i by h d and rotate it by h times `turn` (body axes)."""
     k = STATE * i
     q = after_turn((y[k + 3], y[k + 4], y[k + 5], y[k + 6]), turn, h)
     for j in range(3):
@@ -413,7 +413,7 @@ def drift(tables, y, h):
 
 
 def load_gravity(tables):
-    """Loads of uniform gravity alone."""
+    """Set the loads to those of uniform gravity."""
     b = tables.bodies
     for i in range(b.shape[0]):
         for j in range(3):
@@ -422,8 +422,8 @@ def load_gravity(tables):
 
 
 def free_velocities(tables, workspace, y, h):
-    """Velocities with the loads of h, without any reaction, into workspace.u, as in the middle of a
-    step: half of the gyroscopic torque acts before constraints do, and half after."""
+    """Write the velocities at the middle of a step without reactions to workspace.u: with all loads
+    over h, and half of the gyroscopic torque; the other half acts after the reactions."""
     b, u = tables.bodies, workspace.u
     for i in range(b.shape[0]):
         k = STATE * i
@@ -438,7 +438,7 @@ def free_velocities(tables, workspace, y, h):
 
 
 def is_quiet(tables, y):
-    """Whether all bodies are slow."""
+    """Whether all bodies are slower than QUIET."""
     for i in range(tables.bodies.shape[0]):
         B = state_of(y, i)
         speed = norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B)
@@ -448,10 +448,9 @@ def is_quiet(tables, y):
 
 
 def solve_impulses(tables, workspace, graph, x, y):
-    """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
+    """Solve for the impulses of all contacts and joints; returns (residual, number of sweeps).
 
-    Shares that the laws leave open are the least ones, but in heaps; where the impulses of the step
-    before hold as they are, they are so already.
+    Impulses that are not unique are the least ones, except in heaps.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     notes[OPEN_NOW] = 0.0
@@ -469,11 +468,11 @@ def solve_impulses(tables, workspace, graph, x, y):
 
 
 def of_heap(tables, workspace, graph, x, y, rest, made):
-    """As `solve_impulses`, with any shares, after some sweeps and their last change.
+    """As `solve_impulses`, for a heap; rest, made: residual and number of sweeps so far.
 
-    A heap that rests is solved to the last digits by many sweeps and Newton's method, after which
-    some steps go without, more where they did not get there.  One that moves gets few sweeps and,
-    where they do not do, Newton's method as far as the step needs it.
+    A heap at rest is solved to rounding by many sweeps and Newton's method, not in every step. A
+    moving heap gets few sweeps and, if these do not suffice, Newton's method to the step's
+    tolerance.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     if not rest > COMPUTED_ROUNDING:
@@ -493,7 +492,7 @@ def of_heap(tables, workspace, graph, x, y, rest, made):
         if given > FINE:
             rest, given, more = proximal_newton(graph, tables.bodies, u, x, FINE)
             made += more
-        else:  # as near as Newton's method would have to come
+        else:  # within the tolerance of Newton's method
             rest = 0.0
         notes[GAVE] = max(notes[GAVE], given)
         rest = given if given > LOOSE else rest
@@ -505,7 +504,7 @@ def of_heap(tables, workspace, graph, x, y, rest, made):
 
 
 def solve_without_gain(tables, workspace, graph, x, y):
-    """As `solve_impulses`, with rebounds that create no energy."""
+    """As `solve_impulses`, with rebounds that do not increase the energy."""
     rest, made = solve_impulses(tables, workspace, graph, x, y)
     n = graph.ends.shape[0]
     if not some_rebound(tables, workspace, n):
