@@ -58,6 +58,16 @@ def no_advice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(step_search, "MOST_TIME", 0.0)
 
 
+@pytest.fixture(scope="session")
+def here() -> Iterator[str]:
+    """Address of a scheduler whose only worker is a thread here, for what sweeps leave behind: the
+    workers that `rb_sim sweep` has, in processes of their own, take seconds to start."""
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "silence_logs": 50}
+    with distributed.LocalCluster(dashboard_address=None, protocol="tcp", **settings) as cluster:
+        yield cluster.scheduler_address
+
+
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Leave the thousands of tests to no garbage collector: it would go through them again and
     again."""

@@ -69,7 +69,8 @@ def seldom(mapping: dict[str, Any], often: Any) -> list[str]:
     if own.get("method") == "time_stepping" or often.layout.commanded:
         return []
     rate = own.get("rate", len(often.t) / often.t[-1])
-    again = run(mapping | {"simulation": own | {"rate": rate * SELDOM}})
+    rarely = mapping | {"simulation": own | {"rate": rate * SELDOM}}
+    again = run(rarely, lambda simulation: simulation.run(watched=False))
     if isinstance(again, str):
         return [f"with few samples {again}"]
     apart = np.abs(again.block.position[-1] - often.block.position[-1]).max()

@@ -51,7 +51,8 @@ class Problem(NamedTuple):
     """lines with x >= least, w >= 0, one of them zero, (n,) of bool."""
     least: Array
     bounds: list[tuple[list[int], int, float]]
-    """lines of friction, line of their push, coefficient (inf: they hold while it pushes)."""
+    """rows of friction, row of their normal force (-1: none), coefficient (inf: none slips with a
+    normal force), or the bound without a normal force."""
     x: Array
 
 
@@ -66,8 +67,8 @@ def left_of(p: Problem) -> float:
     for lines, push, coefficient in p.bounds:
         size = own[lines].max()
         free = p.x[lines] - w[lines] / size
-        none = p.x[push] == 0.0 and not p.holds[push]
-        most = 0.0 if none else coefficient * abs(p.x[push])
+        none = push >= 0 and p.x[push] == 0.0 and not p.holds[push]
+        most = 0.0 if none else coefficient * (abs(p.x[push]) if push >= 0 else 1.0)
         length = float(np.linalg.norm(free))
         left[lines] = p.x[lines] - (free if length <= most else most / length * free)
     root = np.sqrt(own)
@@ -86,7 +87,7 @@ def apart_from_clarabel(p: Problem) -> float | None:
     n, w = len(p.x), p.A @ p.x + p.b
     own = np.sqrt(np.maximum(np.diag(p.A), 1e-12 * np.abs(p.A).max()))
     even = np.abs(p.A - p.A.T).max() <= SYMMETRIC * np.abs(p.A).max()
-    if not even or any(p.holds[push] or math.isinf(c) for _, push, c in p.bounds):
+    if not even or any(push < 0 or p.holds[push] or math.isinf(c) for _, push, c in p.bounds):
         return None
     A, b = p.A / np.outer(own, own), p.b / own
     linear, rows, least, cones = b.copy(), [], [], []
@@ -124,8 +125,8 @@ def apart_from_clarabel(p: Problem) -> float | None:
 def of_steps(mapping: dict[str, Any], steps: int) -> list[Problem]:
     """The friction problem of each of so many steps."""
     from rb_sim import Simulation, load_scene
-    from rb_sim.contact.contact_graph import CONTACT_ROWS
     from rb_sim.contact.gauss_seidel import is_plain
+    from rb_sim.contact.problem import CONTACT_ROWS
     from rb_sim.contact.stepping.constraint_rows import graph_of
     from rb_sim.contact.stepping.step_workspace import ACTIVE
     from tests.contact.problems import dense

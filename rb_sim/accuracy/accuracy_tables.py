@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The errors of a ladder, and of reactions at rest: tables for the terminal, JSON, accuracy.png.
+"""Results of a ladder, and errors of reactions at rest: terminal tables, JSON, accuracy.png.
 
 The picture shows the error in pose, in reaction, and the energy drift against CPU time.
 """
@@ -47,7 +47,7 @@ from rb_sim.scene.schema import Scene
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points (error, cost) that no other point beats in both, by falling error."""
+    """Indices of the Pareto-optimal points (error, cost), by falling error."""
     order = sorted(range(len(points)), key=lambda i: (points[i][1], points[i][0]))
     kept: list[int] = []
     for i in order:
@@ -59,13 +59,13 @@ def front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 class Decade(NamedTuple):
-    """The cheapest way to keep one error."""
+    """The cheapest setting within one error."""
 
     error: float
     best: Rung | None
-    """None: nothing reaches it."""
+    """None: no setting reaches it."""
     factors: dict[str, float]
-    """cost over the best, by ladder that reaches the error."""
+    """cost relative to the best, for each ladder that reaches the error."""
 
 
 def decades(accuracy: Accuracy, last: int = -15) -> list[Decade]:
@@ -94,13 +94,13 @@ def decades(accuracy: Accuracy, last: int = -15) -> list[Decade]:
 
 
 def cheapest_within(rungs: Sequence[Rung], error: float) -> Rung | None:
-    """The cheapest rung whose global error keeps `error`."""
+    """The cheapest rung whose global error is at most `error`."""
     able = [rung for rung in rungs if rung.errors.pose <= error and math.isfinite(rung.cost)]
     return min(able, key=lambda rung: rung.cost, default=None)
 
 
 def print_report(accuracy: Accuracy, console: Console, target: float | None = None) -> None:
-    """For each decade of global error the cheapest setting and what the other methods cost."""
+    """Print the cheapest setting, and the cost of the other methods, for each decade of error."""
     lines = decades(accuracy, last=last_decade(target))
     reached = {name for decade in lines for name in decade.factors}
     names = shown(lines, [ladder.name for ladder in accuracy.ladders if ladder.name in reached])
@@ -140,18 +140,18 @@ def print_report(accuracy: Accuracy, console: Console, target: float | None = No
 
 
 MOST_COLUMNS = 5
-"""Of factors: so many fit a terminal of 80 columns."""
+"""Maximum number of columns of factors in a terminal of 80 columns."""
 
 
 def shown(lines: Sequence[Any], names: list[str]) -> list[str]:
-    """The methods that get a column: where there are too many, those that reach most decades."""
+    """The methods with a column; if there are too many, those that reach most decades."""
     counts = {name: sum(name in decade.factors for decade in lines) for name in names}
     kept = sorted(names, key=lambda name: -counts[name])[:MOST_COLUMNS]
     return [name for name in names if name in kept]
 
 
 def heading(name: str) -> str:
-    """The name of a ladder above a column of factors: the method, and its form if it has two."""
+    """Heading of a column of factors: the method, and its form if it has two."""
     method, _, form = name.partition(" ")
     short_form = {"fixed": "step", "adaptive": "tol"}.get(form, form)
     return "\n".join(filter(None, (*method.replace("_", "_ ").split(), short_form)))
@@ -165,7 +165,7 @@ def short(setting: Setting) -> str:
 
 
 def ending(ladder: Ladder) -> str:
-    """How far a method came, and why no further."""
+    """The smallest error of a method, and why its ladder ended."""
     if not ladder.rungs:
         return f"{ladder.name} did not run: {ladder.end}"
     best = min(rung.errors.pose for rung in ladder.rungs)
@@ -176,7 +176,7 @@ def ending(ladder: Ladder) -> str:
 
 
 def last_decade(target: float | None) -> int:
-    """Exponent of the last decade worth a line."""
+    """Exponent of the last decade of the table."""
     return -15 if target is None else math.floor(math.log10(target) + 1e-9)
 
 
@@ -190,7 +190,7 @@ def _factor(value: float | None) -> Text:
 
 
 def target_line(accuracy: Accuracy, target: float) -> str:
-    """What to write into the scene to keep the target."""
+    """The setting for the scene that keeps the target."""
     best = cheapest_within(accuracy.rungs, target)
     if target < accuracy.reference.floor:
         return (
@@ -208,7 +208,7 @@ def target_line(accuracy: Accuracy, target: float) -> str:
 
 
 def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
-    """Everything that was measured, in plain types; infinite values become null."""
+    """All results in plain types; infinite values become null."""
     true = accuracy.reference
     return {
         "scene": accuracy.scene,
@@ -240,7 +240,7 @@ def as_dict(accuracy: Accuracy, target: float | None = None) -> dict[str, Any]:
 
 
 def machine() -> dict[str, str]:
-    """Where the times were measured."""
+    """Machine and versions of the measurement."""
     return {
         "processor": platform.processor() or platform.machine(),
         "system": platform.system(),
@@ -268,40 +268,40 @@ def _rung(rung: Rung) -> dict[str, Any]:
 
 
 SPELL = 0.2
-"""CPU time over which a solution is repeated [s]; the best counts."""
+"""CPU time for which a solution is repeated [s]; the best time counts."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One question put to the solver; errors relative to the largest load."""
+    """One quantity of a statics solution; errors relative to the largest load."""
 
     name: str
     forces: float
-    """what is left of the balance of forces, of the worst body; nan without equilibrium."""
+    """largest residual of a body's force balance; nan without equilibrium."""
     torques: float
-    """the same of torques, over the largest lever arm."""
+    """largest residual of a body's torque balance, divided by the largest lever arm."""
     error: float
-    """against the closed form: force of the worst support, or end of a range; nan without one."""
+    """largest difference from the closed form, of a support or a range; nan without one."""
     cost: float
     """CPU time of one solution [s]."""
 
 
 @dataclass(frozen=True)
 class StaticsAccuracy:
-    """What the reactions of one scene are worth."""
+    """Errors and times of the static reactions of one scene."""
 
     scene: str
     result: StaticsResult
     exact: ExactReactions | None
     load: float
-    """the largest: force, or torque over `lever` [N]."""
+    """largest force, or torque divided by `lever` [N]."""
     lever: float
-    """largest distance of a point of application from the middle of those on its body [m]."""
+    """largest distance of a point of application from the mean of those on its body [m]."""
     answers: tuple[Answer, ...]
 
 
 def measure(scene: Scene, spell: float = SPELL) -> StaticsAccuracy:
-    """Solve the scene, compare with its closed form, and time it for a spell [s]."""
+    """Solve the scene, compare it with its closed form, and time it for `spell` [s]."""
     system = at_rest(scene)
     load, lever = eliminate(system).force, system.lever
     result, exact = solve(scene), exact_reactions(scene)
@@ -327,7 +327,7 @@ def measure(scene: Scene, spell: float = SPELL) -> StaticsAccuracy:
 
 
 def error_of_reactions(result: StaticsResult, exact: ExactReactions | None) -> float:
-    """Of the worst support [N]; nan where nothing is known."""
+    """Largest error of a support [N]; nan without a closed form."""
     if exact is None or not result.reactions:
         return math.nan
     return max(
@@ -337,7 +337,7 @@ def error_of_reactions(result: StaticsResult, exact: ExactReactions | None) -> f
 
 
 def error_of_ranges(result: StaticsResult, exact: ExactReactions | None) -> float:
-    """Of the worst end of a range of normal forces [N]; nan where nothing is known."""
+    """Largest error of an end of a range of normal forces [N]; nan without a closed form."""
     if exact is None or not exact.ranges or not result.reactions:
         return math.nan
     ends = ((result.ranges[name].along, span) for name, span in exact.ranges.items())
@@ -348,7 +348,7 @@ def error_of_ranges(result: StaticsResult, exact: ExactReactions | None) -> floa
 
 
 def cpu_time(act: Callable[[], object], spell: float) -> float:
-    """CPU time of one call, the best of those that fit into the spell; one is made at least [s]."""
+    """Shortest CPU time of the calls within `spell` [s]; at least one is made."""
     best, total = math.inf, 0.0
     while True:
         start = time.process_time()
@@ -360,7 +360,7 @@ def cpu_time(act: Callable[[], object], spell: float) -> float:
 
 
 def print_statics(accuracy: StaticsAccuracy, console: Console) -> None:
-    """One line per question, then what was compared with what."""
+    """Print one line per quantity, then the closed form."""
     title = f"{accuracy.scene}: accuracy and cost of the static reactions"
     console.print(Text(title, style="italic"))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
@@ -376,14 +376,14 @@ def print_statics(accuracy: StaticsAccuracy, console: Console) -> None:
 
 
 def figure(value: float) -> str:
-    """An error, or a dash where nothing is known."""
+    """An error, or a dash if it is not known."""
     if math.isnan(value):
         return "–"
     return "0" if value == 0.0 else f"{value:.1e}"
 
 
 def words(accuracy: StaticsAccuracy) -> list[str]:
-    """What was measured, in one line each."""
+    """Explanations of the measured quantities, one line each."""
     result, exact = accuracy.result, accuracy.exact
     if not result.reactions:
         return [result.explanation, "there are no reactions to measure"]
@@ -401,7 +401,7 @@ def words(accuracy: StaticsAccuracy) -> list[str]:
 
 
 def statics_as_dict(accuracy: StaticsAccuracy) -> dict[str, Any]:
-    """Everything that was measured, in plain types; what is not known becomes null."""
+    """All results in plain types; unknown values become null."""
     return {
         "scene": accuracy.scene,
         "verdict": accuracy.result.verdict,
@@ -433,17 +433,17 @@ MARKS = {
     "taylor": "o",
     "time_stepping": "P",
 }
-"""Of methods, so that curves differ without colours, too."""
+"""Markers of methods, so that curves differ without colours."""
 
 FIXED, ADAPTIVE = (0, (4, 2)), "-"
-"""Lines of methods with a fixed step, whose marks are hollow, and with a tolerance."""
+"""Line styles of fixed steps, whose marks are hollow, and of adaptive methods."""
 
 USELESS = 1.0
-"""Error [rad, m, relative] from which on a run shows nothing of the motion: of a curve that begins
-above it the last such point is drawn."""
+"""Error [rad, m, relative] above which a run shows nothing of the motion; only the last such point
+of a curve is drawn."""
 
 BAND = "#E3E3E3"
-"""Below the floor."""
+"""Colour of the region below the floor."""
 
 QUANTITIES = (
     ("pose", "global error: rotation [rad] or centre [m]"),
@@ -458,7 +458,7 @@ def save_picture(accuracy: Accuracy, path: Path, target: float | None = None) ->
 
 
 def diagrams(accuracy: Accuracy, target: float | None = None) -> Figure:
-    """The figure: a panel for the pose, one for reactions if there are any, one for the energy."""
+    """The figure: panels for the pose, for reactions if there are any, and for the energy."""
     shown = [q for q in QUANTITIES if q[0] != "reaction" or accuracy.layout.reactions]
     figure = Figure(figsize=(1.0 + 4.3 * len(shown), 5.6), dpi=150)
     FigureCanvasAgg(figure)
@@ -488,7 +488,7 @@ def diagrams(accuracy: Accuracy, target: float | None = None) -> Figure:
 
 
 def footnote(accuracy: Accuracy) -> str:
-    """What the errors are measured against, and which methods have no usable run."""
+    """Caption: the reference of the errors, and methods without a usable run."""
     true = accuracy.reference
     names = ", ".join(ladder.name for ladder in accuracy.ladders if not usable(ladder))
     nothing = f" Without a usable run: {names}." if names else ""
@@ -502,7 +502,7 @@ def footnote(accuracy: Accuracy) -> str:
 
 
 def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
-    """One panel: a line per method, the Pareto front ringed, the floor shaded."""
+    """Draw one panel: a line per method, rings on the Pareto front, the floor shaded."""
     top = math.sqrt(10.0) * USELESS
     # infinite where the scene could not be run twice to its end
     floor = min(getattr(accuracy.reference.floors, quantity), top)
@@ -548,8 +548,8 @@ def draw(axis: Any, accuracy: Accuracy, quantity: str) -> None:
 
 
 def drawable(ladder: Ladder, quantity: str, floor: float) -> list[tuple[float, float]]:
-    """(error, cost) of the rungs that say something: from the last useless one to the first that
-    reaches the floor, on which it is drawn. Below it figures are those of the reference."""
+    """(error, cost) of the rungs from the last USELESS one to the first that reaches the floor,
+    where it is drawn: errors below the floor are those of the reference."""
     found: list[tuple[float, float]] = []
     for rung in ladder.rungs:
         error = getattr(rung.errors, quantity)
@@ -564,5 +564,5 @@ def drawable(ladder: Ladder, quantity: str, floor: float) -> list[tuple[float, f
 
 
 def usable(ladder: Ladder) -> bool:
-    """Whether a run of it shows anything of the motion."""
+    """Whether the error of a rung is below USELESS."""
     return bool(drawable(ladder, "pose", 0.0))

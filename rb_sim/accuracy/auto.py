@@ -9,9 +9,9 @@
 
 """`method: auto`: the cheapest setting that keeps a global error of the pose over the run.
 
-Every candidate is run over the whole duration and measured against one checked run (see
-`checked`); the predicted error is therefore that of the very steps the simulation will take, since
-the grid of steps does not depend on the samples.
+Every candidate is run over the whole duration and compared with the reference (see `checked`). The
+predicted error is that of the steps that the simulation will take, since the grid of steps does not
+depend on the samples.
 """
 
 from __future__ import annotations
@@ -51,19 +51,19 @@ from rb_sim.mechanics.table_laws import BODIES
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene, SimulationOptions
 
-# Whether `auto` makes a run of a method that is seldom the cheapest: a run of it is a wait for its
-# machine code, too, so its price is asked first.
+# Whether a method that is seldom the cheapest is tried: its machine code takes long to compile, so
+# its cost is estimated first.
 
 
 STRETCH, GROWTH = 0.25, 1.0 / 8.0
-"""A step along a series is hardly longer than max(1, STRETCH tolerance^-GROWTH) steps of dopri853,
-which fall with their tolerance: it is 1.3, 2.3 and 4 of them at 1e-5, 1e-9 and 1e-12 on chains."""
+"""A step of the Taylor method is at most about max(1, STRETCH tolerance^-GROWTH) as long as one of
+dopri853: 1.3, 2.3 and 4 times at the tolerances 1e-5, 1e-9 and 1e-12 on chains."""
 
 
 def worth_a_run(setting: Setting, compiled: Compiled) -> bool:
-    """Whether the method may come within WORTH times what dopri853 costs with its tolerance.
+    """Whether the method may cost less than WORTH times dopri853 at the same tolerance.
 
-    Asked only of methods with which `auto` does not begin (`weighed` of the registry).
+    True for the methods that are always tried (`weighed` in the registry).
     """
     entry, tolerance = METHODS[setting.name], setting.tolerance
     if entry.weighed(compiled.system) or tolerance is None:
@@ -71,14 +71,12 @@ def worth_a_run(setting: Setting, compiled: Compiled) -> bool:
     longer = max(1.0, STRETCH * tolerance**-GROWTH)
     dearer = evaluations(setting.name, tolerance, compiled)
     dearer /= evaluations("dopri853", tolerance, compiled)
-    return dearer <= WORTH * longer and (entry.family != "taylor" or expands(compiled))
+    return dearer <= WORTH * longer and (entry.family != "taylor" or has_series(compiled))
 
 
-def expands(compiled: Compiled) -> bool:
-    """Whether the laws have a Taylor series that is not longer to make than any run takes.
-
-    From BODIES bodies on the laws are made kind by kind, but their series from the whole graph.
-    """
+def has_series(compiled: Compiled) -> bool:
+    """Whether the laws have a Taylor series that can be generated in less time than runs take: only
+    with fewer than BODIES bodies, since the series is generated from the graph of all of them."""
     if len(compiled.layout.bodies) >= BODIES:
         return False
     laws: object = compiled.laws
@@ -92,47 +90,47 @@ SAFETY = 0.7
 """Share of the target that the measured error may use."""
 
 CHECK = 0.1
-"""Share of the target within which two methods must agree on the checked run."""
+"""Share of the target to which the two runs of the reference must agree."""
 
 CONSTANTS = 0.1
-"""The constants of the system are rounded too, which no comparison of two runs shows; this share
-of what one ulp in every initial coordinate does has covered it wherever the truth is known."""
+"""The rounding of the system's constants is common to both runs of the reference. This share of the
+growth of one ulp in every initial coordinate has covered it wherever the exact motion is known."""
 
 LOOSEST = 0.3
-"""[rad, m]; a target above it is kept as if it were this: beyond it no error law holds."""
+"""Largest global error that is searched for [rad, m]; larger targets are treated as this one, since
+no error law holds above it."""
 
 MAGNIFIED = 1e-4
-"""Growth of one ulp over the gap of two methods, from which on it is the motion that magnifies:
-both started with errors of some ulps in every step."""
+"""Growth of one ulp, relative to the difference between the two runs of the reference, above which
+the motion itself amplifies errors: each step of both makes errors of some ulps."""
 
 MAGNIFYING = 1e-12
-"""Growth of a 1-ulp perturbation of the start over the run [rad, m] above which the motion
-counts as sensitive: errors are magnified about ten thousand times."""
+"""Growth of one ulp of the start over the run [rad, m] above which the motion counts as sensitive:
+it amplifies errors about ten thousand times."""
 
 LOOKS = 7
-"""Runs of one candidate at most."""
+"""Maximum number of runs of one candidate."""
 
 WORTH = 1.5
-"""A candidate is followed while its predicted cost is below this factor of the best so far."""
+"""A candidate is pursued while its expected cost is below this factor of the cheapest so far."""
 
 LOW_ORDER_FROM = {1: 5e-2, 4: 1e-3}
-"""Order -> smallest target [rad, m] at which such a method has been near the cheapest (the ladders
-of the six shipped scenes); below it the method is not even compiled."""
+"""Order -> smallest target [rad, m] for which methods of this order are tried: below it none has
+been near the cheapest on the shipped scenes."""
 
 ONE_SECOND = 0.92
-"""Counted time that a search may take in any case [s]: one, less what is taken before a run is seen
-to be over its limit."""
+"""Counted time that every search may take [s]: one second, less the delay in stopping a run."""
 
 RUNS = 4.9
-"""Runs such as the pilot that it may take where that is more: five, less what is taken before a run
-is seen to be over its limit."""
+"""The search may also take as long as this number of pilot runs: five, less the delay in stopping a
+run."""
 
 DEAR_CHECK = 0.35
-"""As CHECK, where runs are dear: one that is sharp enough to be chosen itself."""
+"""As CHECK, for scenes whose search takes longer than ONE_SECOND."""
 
 
 class Found(NamedTuple):
-    """A setting that keeps the limit."""
+    """A setting whose error is within the limit."""
 
     setting: Setting
     error: float
@@ -143,12 +141,11 @@ class Found(NamedTuple):
 def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     """The cheapest setting that keeps the pose within options.tolerance [rad, m] to the end.
 
-    compiled: the scene. options: its tolerance (the global error), duration and rate.
-    Costs are counted work at written prices, so the same scene gets the same setting on every
-    machine.  The search costs no more than ONE_SECOND, or RUNS runs such as the first that came to
-    the end.
+    compiled: the scene. options: its tolerance (the global error), duration and rate. Costs are
+    counted, not measured, so that a scene gets the same setting on every machine. The search costs
+    at most ONE_SECOND, or RUNS times the first run that reached the end.
     """
-    assert options.tolerance is not None  # the schema sees to it for method auto
+    assert options.tolerance is not None  # the schema requires it with method auto
     target = float(options.tolerance)
     aim = min(target, LOOSEST)
     runner = Runner(compiled, options.duration, affordable_times(compiled, options))
@@ -158,14 +155,14 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
     one = runner.known_cost(first)
     budget = max(ONE_SECOND, RUNS * one)
     dear = budget > ONE_SECOND
-    runner.limit = runner.purse = budget
+    runner.limit = runner.total_limit = budget
     share = DEAR_CHECK if dear else CHECK
     enough = pose_within(share * aim)
     true = checked_run(runner, first, enough, budget - one if dear else 0.6 * budget)
-    left = 0.5 * (budget - runner.spent)  # a second trial that is broken off would tell nothing
+    left = 0.5 * (budget - runner.spent)  # a second trial that is stopped would show nothing
     moved = from_one_ulp_apart(runner, true.setting, 1 if dear else 2, left)
     growth = max(apart(rows, true.rows, runner) for rows in moved)
-    noise = max(true.agreement, CONSTANTS * growth, by_chance(runner, true, growth))
+    noise = max(true.agreement, CONSTANTS * growth, change_when_sharper(runner, true, growth))
     limit = SAFETY * aim - noise
     reached = limit > 0.0
     found = [Found(true.setting, 0.0)]
@@ -189,16 +186,16 @@ def choose(compiled: Compiled, options: SimulationOptions) -> Choice:
 
 
 def apart(rows: Array, others: Array, runner: Runner) -> float:
-    """Largest difference of the pose of two runs [rad, m]."""
+    """Largest difference between the poses of two runs [rad, m]."""
     return float(pose_difference(rows, others, runner.compiled.layout).max())
 
 
-def by_chance(runner: Runner, true: CheckedRun, growth: float) -> float:
-    """How far the checked run moves when it is made sharper [rad, m], where that says more than its
-    checker; else 0.
+def change_when_sharper(runner: Runner, true: CheckedRun, growth: float) -> float:
+    """Change of the reference if refined once more [rad, m]; 0 unless the motion is sensitive.
 
-    A motion that magnifies errors makes those of all methods point one way, in which two of them
-    may lie side by side and far from the truth. growth: what one ulp at the start makes [rad, m].
+    A motion that amplifies errors turns those of all methods in the same direction, so that two
+    methods may agree by chance and both be far from the truth. growth: of one ulp of the start
+    [rad, m].
     """
     if growth < MAGNIFYING or not math.isfinite(true.agreement):
         return 0.0
@@ -208,7 +205,7 @@ def by_chance(runner: Runner, true: CheckedRun, growth: float) -> float:
 
 
 def errors_of(runner: Runner, setting: Setting, true: CheckedRun) -> tuple[float, ...]:
-    """Largest errors of pose, twist and reactions, the uncertainty of the checked run added."""
+    """Largest errors of pose, twist and reactions, including the uncertainty of the reference."""
     layout = runner.compiled.layout
     rows, _ = runner.sampled(setting)
     uncertainty = distances(true.other, true.rows, layout)
@@ -217,7 +214,7 @@ def errors_of(runner: Runner, setting: Setting, true: CheckedRun) -> tuple[float
 
 
 def given_up(runner: Runner, target: float) -> Choice:
-    """What is said where no method comes to the end: the sharpest there is, as it is."""
+    """The choice if no method reaches the end: the sharpest setting, with an infinite error."""
     setting = sharpest(runner, local_tolerance(target))
     words = (
         f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no method "
@@ -231,7 +228,7 @@ def given_up(runner: Runner, target: float) -> Choice:
 def search(
     runner: Runner, true: CheckedRun, aim: float, limit: float, budget: float
 ) -> list[Found]:
-    """The coarsest setting within the limit of every method that may be the cheapest."""
+    """The coarsest setting within the limit, for each method that may be the cheapest."""
     found: list[Found] = []
     best = runner.cost(true.setting)
     for first in candidates(runner, true, aim):
@@ -245,10 +242,9 @@ def search(
 
 
 def candidates(runner: Runner, true: CheckedRun, aim: float) -> list[Setting]:
-    """Where to begin with each: those of highest order first, those that are mostly dear last.
+    """The first setting of each method: high orders first, methods that are mostly expensive last.
 
-    A body that takes commands gets methods that adapt their step: what will be commanded is not
-    known yet.
+    With commanded bodies adaptive methods are preferred, since the commands are not yet known.
     """
     commanded = bool(runner.compiled.layout.commanded)
     settings: list[Setting] = []
@@ -275,9 +271,10 @@ def coarsest(
     best: float,
     budget: float,
 ) -> Found | None:
-    """The coarsest knob of this method whose pose error keeps the limit; None if not worth it.
+    """The coarsest setting of this method within the limit; None if it costs too much.
 
-    best: cost of the cheapest setting so far [counted s per simulated s]. budget: of the runner.
+    best: cost of the cheapest setting so far [counted s per simulated s]. budget: of the runner
+    [s].
     """
     close = 1.15 if setting.step is not None else 8.0
     passing: Found | None = None
@@ -312,7 +309,7 @@ def next_setting(
     failing: float,
     duration: float,
 ) -> Setting:
-    """The setting at which the error law error ~ knob^power puts the error within the limit."""
+    """The setting whose error is within the limit if error ~ knob^power."""
     if not math.isfinite(error) or error > 0.5:
         factor = 0.5 if setting.step is not None else 0.01
     else:
@@ -326,8 +323,7 @@ def next_setting(
 
 
 def reason(runner: Runner, true: CheckedRun, target: float, error: float, count: int) -> str:
-    """The sentence that says why a setting was chosen: method, bound, error, and what confirms
-    it."""
+    """The reason of the choice: methods, bound, error, and the runs that confirm it."""
     others = f"cheapest of {count} methods within" if count > 1 else "within"
     return (
         f"{others} {target:g} (rad, m) over {runner.duration:g} s; global error {error:.1e}, "
@@ -336,7 +332,7 @@ def reason(runner: Runner, true: CheckedRun, target: float, error: float, count:
 
 
 def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float, growth: float) -> str:
-    """Why the target cannot be kept; growth: what one ulp at the start makes [rad, m]."""
+    """Why the target cannot be kept; growth: of one ulp of the start [rad, m]."""
     if not math.isfinite(noise):
         return (
             f"an error of {target:g} (rad, m) cannot be assured over {runner.duration:g} s: no "
@@ -361,14 +357,14 @@ def shortfall(runner: Runner, true: CheckedRun, target: float, noise: float, gro
     )
 
 
-# Choices of `method: auto` kept on disk by the scene's hash: the search is made once.
+# Choices of `method: auto` are kept on disk, so that the search is made once for a scene.
 
 
 FOLDER = "auto"
 
 
 def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
-    """The choice for this scene, from disk if it was made before with these sources."""
+    """The choice for this scene, from disk if it was made before with the same sources."""
     path = place_of(scene, compiled)
     known = read(path)
     if known is not None:
@@ -379,8 +375,8 @@ def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
 
 
 def place_of(scene: Scene, compiled: Compiled) -> Path | None:
-    """The file of the choice: named after what the motion depends on, in a folder named after the
-    sources; None where nothing can be kept."""
+    """The file of the choice, named by a hash of the scene, in a folder named by a hash of the
+    sources; None if there is no writable cache."""
     text = scene.model_dump_json(exclude={"description"}, warnings=False)
     digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
     folder = store.version_folder(FOLDER, shipped.digest())
@@ -388,7 +384,7 @@ def place_of(scene: Scene, compiled: Compiled) -> Path | None:
 
 
 def read(path: Path | None) -> Choice | None:
-    """The choice in the file; None if there is none, or none that can be read."""
+    """The choice in the file; None if there is none or it cannot be read."""
     if path is None:
         return None
     try:
@@ -401,7 +397,7 @@ def read(path: Path | None) -> Choice | None:
 
 
 def write(path: Path | None, choice: Choice) -> None:
-    """Keep the choice; where the folder cannot be written it is made again next time."""
+    """Write the choice; if the folder cannot be written, the next run makes it again."""
     if path is None:
         return
     part = path.with_name(f"{path.name}.{id(choice)}")

@@ -22,9 +22,9 @@ from rb_sim.accuracy.checked import (
     CheckedRun,
     Excess,
     checked_run,
+    correlated,
     pair,
     pilot,
-    reach,
     sharpest,
 )
 from rb_sim.accuracy.choice import QUANTITIES as NAMES
@@ -49,12 +49,12 @@ from rb_sim.motion.motion import nothing
 from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
-# How much of each of the six quantities there is, and what the roundings of impacts add up to.
+# The size of each of the six quantities, and the rounding errors of impacts.
 
 
 def sizes(rows: Array, layout: SampleLayout) -> Array:
-    """How much of each quantity there is in a run, (6,): the way of the bodies, 1 rad, the largest
-    velocities, forces and torques."""
+    """Size of each quantity in a run, (6,): largest displacement, 1 rad, and largest velocities,
+    force and torque."""
     of = parts(rows, layout)
     found = np.ones(len(NAMES))
     of[POSITION] = of[POSITION] - of[POSITION][:1]
@@ -65,18 +65,16 @@ def sizes(rows: Array, layout: SampleLayout) -> Array:
 
 
 def rounded_at_impacts(times: Array, ulp: Array, impacts: Array) -> Array:
-    """sum over the impacts before t of ulp(t - t_impact): errors that the roundings of all impacts
-    may add up to, shape (n, 6).
+    """Errors that the rounding of all impacts before each instant may add up to, (n, 6).
 
-    An impact finds its instant and all velocities anew, each but for its last bit, which then goes
-    on as one ulp of the start does. Two runs that are compared meet the same states and round them
-    alike, so that their difference does not show it. times: of the samples from 0 on, (n,) [s];
-    ulp: what one ulp in every coordinate of the start makes of the six quantities, (n, 6);
-    impacts: their times [s].
+    Each impact rounds its time and all velocities anew, and these roundings grow as one ulp of the
+    start does: the sum over the impacts of ulp(t - t_impact). Two runs that are compared round the
+    same states alike, so that their difference does not contain it. times: of the samples, from 0,
+    (n,) [s]; ulp: growth of one ulp in every coordinate of the start, (n, 6); impacts: times [s].
     """
     total = np.zeros_like(ulp)
     worst = np.maximum.accumulate(ulp, axis=0)
-    # the impacts between two samples count together, as from the earlier one on
+    # impacts between two samples count from the earlier sample on
     first = np.searchsorted(times, impacts, side="right") - 1
     for i, count in zip(*np.unique(first, return_counts=True), strict=True):
         after = times[i:] - times[i]
@@ -85,31 +83,31 @@ def rounded_at_impacts(times: Array, ulp: Array, impacts: Array) -> Array:
     return total
 
 
-# How one unit in the last place of the start grows: as a power of the time, or exponentially.
+# The growth of one ulp of the start: as a power of the time, or exponentially.
 
 
 CHAOTIC = 1e4
-"""Growth over the run below which nothing is said about its law: too little to tell one by."""
+"""Growth over the run below which its law cannot be determined."""
 
 SATURATED = 1e-2
-"""Share of the motion's own size above which two runs no longer part exponentially."""
+"""Difference between two runs, relative to the motion, above which it no longer grows
+exponentially."""
 
 FEWEST = 20
-"""Instants to fit."""
+"""Minimum number of instants of a fit."""
 
 
 class Growth(NamedTuple):
-    """Of one ulp in every coordinate of the start."""
+    """Growth of one ulp in every coordinate of the start."""
 
     factor: float
-    """largest distance over the run, over that after its first hundredth."""
+    """largest difference over the run, relative to that after the first hundredth of it."""
     lyapunov_time: float
-    """time in which it grows by a factor of e [s]; infinite where it grows no faster than a power
-    of the time does."""
+    """time of growth by a factor of e [s]; infinite if it grows no faster than a power of time."""
 
 
 def growth_of(times: Array, apart: Array) -> Growth:
-    """The law of growth of a distance, relative to the motion's size, at the times (n,) each."""
+    """The growth of a difference, relative to the motion, given at the times; both (n,)."""
     so_far = np.maximum.accumulate(apart)
     first = max(1, len(times) // 100)
     if not len(times) or not so_far[-1] > 0.0:
@@ -127,30 +125,29 @@ def growth_of(times: Array, apart: Array) -> Growth:
 
 
 def fitted(x: Array, y: Array) -> tuple[float, float]:
-    """(slope, sum of squares left) of the straight line through the points."""
+    """(slope, sum of squared residuals) of the straight line through the points."""
     (slope, start), *_ = np.linalg.lstsq(np.stack([x, np.ones_like(x)], axis=1), y, rcond=None)
     left = y - slope * x - start
     return float(slope), float(left @ left)
 
 
-# Two runs of other methods than that to be certified, refined until they agree.
+# The reference of a certificate.
 
 
 SHARPER = 0.1
-"""Share of a run's error to which the two runs that it is measured by should agree."""
+"""Fraction of the run's error to which the two runs of the reference should agree."""
 
 FIRST = 0.25
-"""Share of the budget that the first run of a method may take: one that needs more for it, as an
-explicit method does where something dies out fast, has nothing left to be refined with."""
+"""Share of the budget for the first run of the reference; the rest is needed to refine it."""
 
 LAST_BITS = 4.0 * EPS
-"""Share of the largest value of a quantity below which two runs differ by rounding: they are not
-refined until they agree better."""
+"""Difference, relative to the largest value of a quantity, that is rounding: agreement below it is
+not sought."""
 
 
 def two_runs(runner: Runner, setting: Setting, rows: Array, budget: float) -> CheckedRun:
-    """Two runs that agree to a tenth of the error of the run of these rows, or as far as doubles
-    and time go; where no other method comes to the end, two of its own."""
+    """A reference that agrees to SHARPER of the error of the run with these rows, or as far as
+    rounding and the budget allow; by the run's own method if no other one reaches the end."""
     tolerance = max(min(1e-9, 0.01 * (setting.tolerance or 1.0)), TIGHTEST)
     if setting.name != "time_stepping":
         sharp = pilot(runner, tolerance, FIRST * budget)
@@ -168,11 +165,11 @@ def two_runs(runner: Runner, setting: Setting, rows: Array, budget: float) -> Ch
 
 
 def within_error_of(rows: Array, runner: Runner) -> Excess:
-    """How far two runs are apart over what is enough: a tenth of the error of the run of these
-    rows, or what rounding leaves.
+    """Difference of two runs relative to SHARPER of the error of the run with these rows, or to
+    rounding; the largest of the poses' and the velocities'.
 
-    Velocities count for themselves: of what dies out within a microsecond they are wrong by a
-    million times the error of the pose.
+    Velocities may be wrong by far more than poses: by a million times if something decays within a
+    microsecond.
     """
     layout = runner.compiled.layout
 
@@ -190,11 +187,11 @@ def within_error_of(rows: Array, runner: Runner) -> Excess:
 
 
 def of_its_own(runner: Runner, setting: Setting) -> CheckedRun:
-    """The same method at a quarter and half of the step, or with a ten-thousandth and a hundredth
-    of the tolerance.
+    """A reference by the same method: a quarter and half of the step, or 1e-4 and 1e-2 times the
+    tolerance.
 
-    Of a method of order 1 the three errors are as 4 : 2 : 1, so that the sum of the two differences
-    is the error of the first.
+    With a method of order 1 the errors of the three runs are as 4 : 2 : 1, so that the sum of the
+    two differences is the error of the first.
     """
     factors = (0.25, 0.5)
     if setting.tolerance is not None:  # not both the tightest
@@ -204,26 +201,26 @@ def of_its_own(runner: Runner, setting: Setting) -> CheckedRun:
 
 
 def as_far_as_events_go(runner: Runner, sharp: Setting, own: CheckedRun) -> CheckedRun:
-    """A run from event to event beside the finest of steps alone, up to where it ends.
+    """The reference of a time-stepping run: event-driven up to where that fails, then `own`.
 
-    Steps of any length may agree on what none of them tells, as with the impact of a rim whose low
-    point runs round it in less than a step. A heap, though, may have no events that one can follow.
+    Fixed steps of any length may agree on a wrong motion, e.g. if the contact point of a rim runs
+    round it within a step. A heap, however, may have too many events to follow.
     """
     rows, _ = runner.sampled(sharp)
     resolved = np.isfinite(rows).all(axis=1, keepdims=True)
     true, other = np.where(resolved, rows, own.rows), np.where(resolved, own.rows, own.other)
     gaps = pose_difference(other, true, runner.compiled.layout)
     if np.count_nonzero(resolved) < 2 or gaps.max() <= own.agreement:
-        return own  # reactions stay those of one method: shares may be open
+        return own  # all reactions by one method, since shares of a load may not be unique
     return own._replace(rows=true, other=other, checker=sharp, gaps=gaps)
 
 
-# A certificate: the largest errors of a run, where they come from, and up to when they hold.
+# A certificate: the largest errors of a run, their causes, and the time up to which they hold.
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Errors of a run, none smaller than the true one."""
+    """Upper bounds of the errors of a run."""
 
     setting: str
     """how it was integrated."""
@@ -232,26 +229,26 @@ class Certificate:
     errors: tuple[float, ...]
     """largest error of each of NAMES up to `known_until`, in UNITS; infinite if that is 0."""
     uncertainty: tuple[float, ...]
-    """share of it that is not the method's: by how much the two runs part, and one ulp grows."""
+    """the part of it that is the reference's: difference of its two runs, and growth of one ulp."""
     one_ulp: tuple[float, ...]
-    """what one ulp in every coordinate of the start grows to up to there."""
+    """growth of one ulp in every coordinate of the start up to then."""
     duration: float
     """of the run [s]."""
     known_until: float
-    """time up to which the two runs tell the motion to a tenth of its size [s]."""
+    """time up to which the reference is known to a tenth of the motion [s]."""
     follows_until: float
-    """time up to which the run itself does [s]."""
+    """time up to which the run is within a tenth of the motion [s]."""
     rounding: bool
-    """whether it is one ulp that has grown to as much by then, and not the time for the search."""
+    """whether growth of one ulp, not the budget of the search, limits `known_until`."""
     growth: float
     """factor by which one ulp grows over the run."""
     lyapunov_time: float
-    """[s]; infinite where errors do not grow exponentially."""
+    """[s]; infinite if errors do not grow exponentially."""
     runs: int
-    """made for it, the run itself among them."""
+    """number of runs made, including the run itself."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values; None for what is infinite: a time, errors where nothing is certain."""
+        """Plain values; None in place of infinite ones."""
         chaotic = math.isfinite(self.lyapunov_time)
         return {
             "setting": self.setting,
@@ -270,7 +267,7 @@ class Certificate:
         }
 
     def lines(self) -> list[str]:
-        """What is to be read, line by line."""
+        """The text of the certificate, line by line."""
         first, second = self.checked_by
         if not self.known_until > 0.0:
             return [f"not certified: {first} and {second} give different motions"]
@@ -299,31 +296,31 @@ class Certificate:
 
 
 def by_name(errors: tuple[float, ...]) -> dict[str, float | None]:
-    """Errors by name, None where nothing bounds them."""
+    """Errors by name; None if infinite."""
     return finite(dict(zip(NAMES, errors, strict=True)))
 
 
-# Bounds of the errors of a run, from two runs of other methods that are refined until they agree.
+# Bounds of the errors of a run, from a reference of two runs by other methods:
 #
 #     |run - truth| <= |run - sharp| + |sharp - checker| + |one ulp|
 #
-# at every instant: the sharp run is nearer to the truth than to its checker unless the two err
-# alike, which methods of different families on different grids do only in what both take from the
-# scene, its constants and its start as doubles, and at impacts, which are the same for both; the
-# growth of one ulp, from the start and from every impact on, covers that.
+# at every instant. The sharp run is nearer to the truth than to its checker unless the two make the
+# same error. Methods of different families on different grids share only the rounding of the
+# scene's constants and start, and that of impacts; the growth of one ulp, from the start and from
+# every impact on, covers it.
 
 
 LEAST_TIME = 2.0
-"""Counted time that a certificate may take in any case [s]."""
+"""Counted time that every certificate may take [s]."""
 
 RUNS = 30.0
-"""Runs such as the one to be certified that it may take beyond."""
+"""A certificate may also take as long as this number of runs like the one to be certified."""
 
 MARGIN = 1.25
-"""For what is between the instants, and for signs that cancel at all of them."""
+"""Factor for errors between the instants, and for differences that cancel at them."""
 
 TRIALS = 2
-"""Starts one ulp apart."""
+"""Number of runs from starts one ulp apart."""
 
 
 def certify(
@@ -335,16 +332,16 @@ def certify(
 ) -> Certificate:
     """The certificate of the run of a scene under the setting; options: its duration and rate.
 
-    times: instants at which the runs are compared, increasing from 0 [s]; None: some hundreds.
-    look: called now and then; what it raises ends the search.
-    Its cost is counted, not timed, so the same scene gets the same certificate on every machine.
+    times: instants at which the runs are compared, increasing from 0 [s]; None: `sample_times`.
+    look: called regularly; an exception that it raises ends the search. Costs are counted, so that
+    a scene gets the same certificate on every machine.
     """
     times = sample_times(options) if times is None else times
     runner = Runner(compiled, options.duration, times, look)
     rows, _ = runner.sampled(setting)
     spent = runner.spent
     ended = int(np.isfinite(rows).all(axis=1).sum())
-    if ended < len(times):  # a motion that ends before, or a method that fails
+    if ended < len(times):  # the motion ends before, or the method fails
         runner.times = times[: max(ended, 2)]
         rows = rows[: max(ended, 2)]
         runner.forget()
@@ -356,7 +353,7 @@ def certify(
 
 
 def ulp_apart(runner: Runner, true: CheckedRun) -> Array:
-    """How far starts one ulp apart come from the sharp run, (n, 6)."""
+    """Differences of runs from starts one ulp apart from the sharp run, (n, 6)."""
     rows, _ = runner.sampled(true.setting)
     sizes = sizes_of(rows, runner.compiled)
     moved = from_one_ulp_apart(runner, true.setting, TRIALS, sizes=sizes)
@@ -371,16 +368,17 @@ def stated(
     ulp: Array,
     duration: float,
 ) -> Certificate:
-    """The certificate from what the runs gave."""
+    """The certificate from the results of all runs."""
     layout, times = runner.compiled.layout, runner.times
     size = sizes(true.rows, layout)
     rounded = ulp + rounded_at_impacts(times, ulp, runner.impacts(true.setting))
     uncertainty = distances(true.other, true.rows, layout) + rounded
     error = MARGIN * (distances(rows, true.rows, layout) + uncertainty)
     known, by_ulp = (
-        reach(shares(each, size, true.rows, runner)) for each in (uncertainty, MARGIN * rounded)
+        correlated(shares(each, size, true.rows, runner))
+        for each in (uncertainty, MARGIN * rounded)
     )
-    follows = reach(shares(error, size, true.rows, runner))
+    follows = correlated(shares(error, size, true.rows, runner))
     upto = slice(0, max(known, 1))
     growth = growth_of(times, shares(ulp, size, true.rows, runner))
     ends = [float(times[max(k - 1, 0)]) for k in (known, follows)]
@@ -403,12 +401,12 @@ def stated(
 
 
 def largest(errors: Array) -> tuple[float, ...]:
-    """Of each quantity."""
+    """Largest error of each quantity."""
     return tuple(float(value) for value in errors.max(axis=0))
 
 
 def shares(errors: Array, size: Array, rows: Array, runner: Runner) -> Array:
-    """The error of the pose at each instant [rad], or as a share of the way of the bodies, (n,)."""
+    """Error of the pose at each instant [rad, or relative to the displacement], (n,)."""
     bodies = len(runner.compiled.layout.bodies)
     places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
     still = COMPUTED_ROUNDING * float(np.nan_to_num(np.abs(places)).max(initial=0.0))

@@ -7,13 +7,13 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The reference that runs are measured against: a sharp run, confirmed by one of another method.
+"""The reference run that errors are measured against, confirmed by a run of another method.
 
-`method: auto`, `rb_sim accuracy` and `--certify` make it in the same way.  Of the methods that
-adapt their step to a tolerance the first to come to the end makes the sharp run; the other run has
-another method and another grid of steps.  The two are refined in turns until they agree as well as
-is needed, or no longer can.  They err alike only in what both take from the scene, its constants
-and its start as doubles: how far runs from starts one ulp apart part tells that.
+`method: auto`, `rb_sim accuracy` and `--certify` use the same reference. It is made by the first
+adaptive method that reaches the end of the run, the sharp run. The second run, the checker, has
+another method and another grid of steps. The two are refined in turn until they agree as well as
+needed, or until refinement no longer helps. Both share the rounding of the scene's constants and
+start, which runs from starts one ulp apart measure.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ from rb_sim.mechanics.samples import Array
 from rb_sim.motion.motion import ENDLESS
 
 REFINEMENTS = 14
+"""Maximum number of refinements."""
 
 STALLED = 3
-"""Refinements in turns that do not bring two runs closer: they no longer can."""
+"""Number of refinements without a closer agreement after which no more are made."""
 
 DECORRELATED = 0.1
-"""Gap, in rad, in m or as a share of the way of the bodies, above which two runs know nothing of
-each other; how much it changes there says nothing about either, so that both are refined on."""
+"""Difference [rad, m, or relative to the motion] above which two runs are uncorrelated. Its changes
+there say nothing about either run, and both are refined further."""
 
 DEARER = 4.0
-"""What a step of the checker costs over one of the sharp run, about."""
+"""Approximate cost of a step of the checker relative to one of the sharp run."""
 
 
 class CheckedRun(NamedTuple):
-    """Rows of the sharper of two independent runs, and how far the two agree."""
+    """The sharper of two independent runs, and its difference from the other one."""
 
     rows: Array
     other: Array
@@ -54,10 +55,9 @@ class CheckedRun(NamedTuple):
     gaps: Array
     """pose difference of the two at each instant [rad, m]."""
     mean_step: float
-    """of the run [s]."""
+    """of the sharper run [s]."""
     out_of_time: bool = False
-    """whether the two were no longer refined for the budget's sake, not because it brought nothing
-    more."""
+    """whether the budget ended the refinement."""
 
     @property
     def agreement(self) -> float:
@@ -65,33 +65,33 @@ class CheckedRun(NamedTuple):
         return float(self.gaps.max())
 
 
-def reach(gaps: Array) -> int:
-    """Number of instants before the first at which two runs know nothing of each other.
+def correlated(gaps: Array) -> int:
+    """Number of instants before the first at which two runs are uncorrelated.
 
-    gaps: at each instant [rad], or [m], or as a share of the way of the bodies.
+    gaps: difference at each instant [rad, m, or relative to the motion].
     """
     lost = np.flatnonzero(~(gaps <= DECORRELATED))
     return int(lost[0]) if len(lost) else len(gaps)
 
 
 def pair(runner: Runner, setting: Setting, checker: Setting) -> CheckedRun:
-    """The runs of two settings, and how far they agree."""
+    """The runs of two settings, and their difference."""
     (rows, steps), (other, _) = runner.sampled(setting), runner.sampled(checker)
     gaps = pose_difference(other, rows, runner.compiled.layout)
     return CheckedRun(rows, other, setting, checker, gaps, runner.duration / max(1, steps))
 
 
 Excess = Callable[[CheckedRun], float]
-"""How far the two runs are apart, over what is enough."""
+"""Difference between the two runs relative to the one that suffices."""
 
 
 def pose_within(target: float) -> Excess:
-    """The excess of the pose over a target [rad, m]."""
+    """The pose difference relative to a target [rad, m]."""
     return lambda run: run.agreement / target
 
 
 def local_tolerance(target: float) -> float:
-    """The local tolerance with which a run to be checked begins; target: pose [rad, m]."""
+    """The local tolerance of the first sharp run; target: global error of the pose [rad, m]."""
     return min(max(0.01 * target, TIGHTEST), 1e-6)
 
 
@@ -99,36 +99,34 @@ def local_tolerance(target: float) -> float:
 
 
 FIRST_PILOT, PATIENCE, LONGEST_PILOT = 0.05, 2.0, 4000.0
-"""Counted time after which a first run is broken off, the factor by which it grows when none came
-to its end, and where it is given up [s]; before that where all would need ENDLESS at their pace."""
+"""Counted time of the first run of each method [s], its factor of growth as long as no run reaches
+the end, and its maximum. The search ends earlier if every method would need longer than ENDLESS."""
 
 OUTRUN = 3.0
-"""A first run is not gone on with while its pace promises an end this factor later than another's.
-"""
+"""A run is not continued while another one is expected to take less than 1/OUTRUN of its time."""
 
 
 def pilot(runner: Runner, tolerance: float, longest: float = LONGEST_PILOT) -> Setting | None:
-    """The first adaptive setting to come to the end, with the least limit at which one does.
+    """The first adaptive method that reaches the end of the run; None if none does.
 
-    A scene too stiff for one method is left early, and another gets its turn; each goes on where it
-    was broken off, the slow ones only while none promises an end much before theirs.  One that
-    cannot go on is left, too: a fall from rest through quadratic drag has no Taylor series; where
-    none can, the motion itself has an end.  None beyond a limit of `longest` [s], or where no run
-    grows quick enough to come to its end within ENDLESS.
+    The methods take turns: each runs until the counted time FIRST_PILOT, then from there until
+    twice that time, and so on up to `longest` [s]. A method for which the scene is too stiff thus
+    costs little. A method that fails is dropped (a fall from rest through quadratic drag has no
+    Taylor series); if all fail, the first of them is returned, since the motion itself may end.
     """
     reached: dict[str, float] = {}
     left = dict.fromkeys(by_order(runner.compiled.system), 0.0)
-    """counted time to the end of each, as far as its pace tells [s]."""
+    """expected counted time from here to the end, by method [s]."""
     ended: Setting | None = None
     runner.limit = FIRST_PILOT
     while left and runner.limit < longest:
         soonest = min(left.values())
         for name in [name for name in left if left[name] <= OUTRUN * soonest]:
             setting = Setting(name, tolerance=tolerance)
-            rows, _ = runner.carried_on(setting)
+            rows, _ = runner.continued(setting)
             if np.isfinite(rows[-1]).all():
                 return setting
-            if not runner.broken_off:
+            if not runner.stopped:
                 ended = ended or setting
                 del left[name]
                 continue
@@ -142,34 +140,35 @@ def pilot(runner: Runner, tolerance: float, longest: float = LONGEST_PILOT) -> S
 
 
 def sharpest(runner: Runner, tolerance: float) -> Setting:
-    """The method of highest order that adapts its step, with this tolerance."""
+    """The adaptive method of highest order, with this tolerance."""
     return Setting(by_order(runner.compiled.system)[0], tolerance=tolerance)
 
 
 def by_order(system: Any) -> list[str]:
-    """The methods that adapt their step to a tolerance, of falling order."""
+    """The adaptive methods, by falling order."""
     able = [n for n, e in tried(system).items() if e.adaptive is not None]
     return sorted(able, key=lambda name: -METHODS[name].order)
 
 
 def time_left(runner: Runner, now: float, before: float) -> float:
-    """Counted time that a run broken off at the limit still needs [s], at the faster of two paces.
+    """Expected counted time to the end of a run that the limit stopped [s].
 
-    now: simulated time that it has reached; before: the same with a limit PATIENCE times lower.
+    now, before: simulated time reached at this limit and at the one before, PATIENCE times lower
+    [s]. The faster of the mean and the latest pace counts.
     """
     limit = runner.limit
     pace = max(now / limit, (now - before) / (limit * (1.0 - 1.0 / PATIENCE)))
     return (runner.duration - now) / pace if pace > 0.0 else math.inf
 
 
-# The run that confirms it, and the refinement of both.
+# The checker, and the refinement of both runs.
 
 
 def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -> CheckedRun:
-    """Refine two runs by different methods until their excess is at most 1, or no longer falls.
+    """Two runs by different methods, refined until their excess is at most 1, or no longer falls.
 
-    sharp: the setting of the first. budget: counted time of the runner [s]; no refinement begins
-    that would go beyond it.
+    sharp: setting of the sharp run. budget: counted time of the runner [s] that no refinement may
+    exceed.
     """
     duration = runner.duration
     (_, steps), sharp_cost = timed(runner, sharp)
@@ -190,7 +189,7 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
             finer = refined(checker, before, duration, 1.0 / left)
         else:
             finer = sharper(sharp, latest.mean_step, duration)
-        if left < 2.0 or runner.beyond(finer):
+        if left < 2.0 or runner.exceeds_limits(finer):
             return best._replace(out_of_time=True)
         if checker_next:
             checker = finer
@@ -200,11 +199,11 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
             _, sharp_cost = timed(runner, sharp)
         latest = pair(runner, sharp, checker)
         now = excess(latest)
-        if (reach(latest.gaps), -now) > (reach(best.gaps), -least):
+        if (correlated(latest.gaps), -now) > (correlated(best.gaps), -least):
             best, least = latest, now
         if now < 0.5 * before:
             stalled = 0
-        else:  # the other one is at fault, or nothing is
+        else:  # refine the other one next
             stalled += 1
             checker_next = not checker_next
         before = now
@@ -214,14 +213,14 @@ def checked_run(runner: Runner, sharp: Setting, excess: Excess, budget: float) -
 def first_to_end(
     runner: Runner, sharp: Setting, step: float, budget: float
 ) -> tuple[Setting, float]:
-    """(setting, counted time [s]) of the first run that may confirm another and comes to the
-    end, or of the last tried.
+    """(setting, counted time [s]) of the first possible checker that reaches the end, or of the
+    last one tried.
 
-    budget: of the runner, after which no further fixed step is tried [s].
+    budget: counted time of the runner after which no further fixed step is tried [s].
     """
     others = list(independent_of(sharp, step, runner.compiled.system))
     setting, rows, cost = others[0], np.zeros(0), 0.0
-    for each in [one for one in others if not runner.beyond(one)] or others[-1:]:
+    for each in [one for one in others if not runner.exceeds_limits(one)] or others[-1:]:
         if len(rows) and each.step is not None and runner.spent > budget:
             continue
         setting, ((rows, _), cost) = each, timed(runner, each)
@@ -231,9 +230,12 @@ def first_to_end(
 
 
 def independent_of(sharp: Setting, step: float, system: Any) -> Iterator[Setting]:
-    """Settings to confirm a run by: fixed steps of other families, then of its own, by falling
-    order, of low order only where there is nothing else; then other families' methods at the same
-    tolerance, for a motion whose fixed steps would all have to be as short as its fastest decay."""
+    """Possible checkers of a run, best first.
+
+    Fixed steps come first: of other families before its own, by falling order, orders below 4 last.
+    Adaptive methods of other families follow, for stiff scenes, where all fixed steps would have to
+    be as short as the fastest decay.
+    """
     family, able = METHODS[sharp.name].family, tried(system)
     fixed = [n for n, e in able.items() if e.fixed is not None and n != sharp.name]
     fixed.sort(key=lambda n: (METHODS[n].order < 4, METHODS[n].family == family, -METHODS[n].order))
@@ -244,14 +246,14 @@ def independent_of(sharp: Setting, step: float, system: Any) -> Iterator[Setting
 
 
 def timed(runner: Runner, setting: Setting) -> tuple[tuple[Array, int], float]:
-    """(rows, steps) of a run and its counted time [s], also where it had been made before."""
+    """(rows, steps) of a run, and its counted time [s] even if the run had been made before."""
     before = runner.spent
     result = runner.sampled(setting)
     return result, max(runner.spent - before, runner.known_cost(setting), 1e-9)
 
 
 def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
-    """A hundredth of the tolerance; from the tightest on the same method with fixed steps."""
+    """The setting with a hundredth of its tolerance; beyond TIGHTEST with fixed steps instead."""
     if sharp.tolerance is not None and sharp.tolerance > TIGHTEST:
         return sharp.scaled(0.01, duration)
     if METHODS[sharp.name].fixed is None:
@@ -260,10 +262,9 @@ def sharper(sharp: Setting, mean_step: float, duration: float) -> Setting:
 
 
 def refined(checker: Setting, excess: float, duration: float, least: float) -> Setting:
-    """The checker with the step that its order says is needed, within bounds; an adaptive one with
-    a hundredth of its tolerance.
+    """The checker with the smaller step that its order predicts, or a hundredth of its tolerance.
 
-    least: factor below which the time does not suffice.
+    least: smallest factor of the step that the budget allows.
     """
     if checker.tolerance is not None:
         return checker.scaled(0.01, duration)

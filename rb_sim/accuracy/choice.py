@@ -22,62 +22,64 @@ from rb_sim.mechanics.methods import METHODS, build
 from rb_sim.motion.motion import Motion
 from rb_sim.scene.compiled import Compiled
 
-# What a step of each method costs, in evaluations of the right side: written down, not timed.
+# The cost of a step of each method, in evaluations of the right-hand side.
 #
-# A choice among methods that went by a clock would change from run to run.  The prices are medians
-# of measured ones (`python -m benchmarks.steps`, six scenes of one body, a quiet machine): they
-# hold to a factor of two.
+# The costs are constants, because a choice by measured times would change from run to run. They are
+# medians of measurements (`python -m benchmarks.steps`, six scenes of one body, a quiet machine)
+# and hold to a factor of two.
 
 
 FIXED = {"euler": 2.0, "rk4": 4.0, "dopri853": 12.0, "gauss6": 24.0, "time_stepping": 6.0}
-"""Evaluations of a fixed step; an iteration's are a mean."""
+"""Evaluations of a fixed step; for iterative methods a mean."""
 
 ADAPTIVE = {"dopri853": 15.0, "radau5": 60.0}
-"""Evaluations of an attempted step, the error estimate included."""
+"""Evaluations of an attempted step with its error estimate."""
 
 UNKNOWN = 40.0
-"""Of a method without a written price."""
+"""Evaluations of a step of any other method."""
 
 TAYLOR_STEP, TAYLOR_DIGIT = 10.0, 3.5
-"""A step of the Taylor method, and what each decimal digit of its tolerance adds to it."""
+"""Evaluations of a step of the Taylor method, and the number that each decimal digit of its
+tolerance adds."""
 
 JOINTED_STEP, JOINTED_DIGIT = 40.0, 17.0
-"""The same in maximal coordinates with rows of constraints, whose elimination has no order in
-which its sums could be few (chains of 2 and 5 rods: `python -m benchmarks.series`)."""
+"""The same in maximal coordinates with constraint rows (chains of 2 and 5 rods:
+`python -m benchmarks.series`)."""
 
 REDUCED = 25e-9
-"""CPU time of one evaluation of a body in reduced coordinates [s]."""
+"""CPU time of an evaluation for a body in reduced coordinates [s]."""
 
 BODY, ROW = 150e-9, 100e-9
-"""The same in maximal coordinates, of each body and each row of constraints [s]; the elimination
-adds ROW / 10 for each pair of rows."""
+"""CPU time of an evaluation in maximal coordinates, per body and per constraint row [s]; the
+elimination adds ROW / 10 for each pair of rows."""
 
 SHARED = 25e-6
-"""The same where contacts may bear a body by more rows than it has freedoms, as a box on its face:
-how they share its load is found in every evaluation [s, of each such body]; one to three boxes at
-rest, to a factor of 1.4 (`python -m benchmarks.auto_search --family resting`: CPU and counted)."""
+"""Additional CPU time of an evaluation for each body on which contacts may act by more rows than it
+has degrees of freedom [s], such as a box on its face. One to three boxes at rest, to a factor of
+1.4 (`python -m benchmarks.auto_search --family resting`)."""
 
 SOLVE = 4.5e-11
-"""CPU time of the linear systems of an implicit step, over the cube of the number of coordinates
-[s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
+"""CPU time of the linear systems of an implicit step, divided by the cube of the number of
+coordinates [s]: lattices of 5 to 30 bodies on springs, to a factor of two."""
 
 OPEN_ROW = 50e-9
-"""As ROW, of rows that do not act most of the time [s]: random scenes with one to four bodies and
-up to 79 rows of contacts (benchmarks.silent_runs), to a factor of two."""
+"""As ROW, for rows of contacts that are open most of the time [s]: random scenes with one to four
+bodies and up to 79 rows of contacts (benchmarks.silent_runs), to a factor of two."""
 
 PYTHON_STEP = 1e-3
-"""CPU time of a step of time stepping beside joints or forces other than weight [s]."""
+"""CPU time of a step of time stepping outside the compiled loop [s]."""
 
 SWEEP = 2.5e-6
-"""CPU time of the solver of time stepping for each sweep and near contact [s], Newton's method
-included: measured on piles of 8 to 216 balls that settle, to a factor of three."""
+"""CPU time of the time-stepping solver per sweep and near contact [s]: settling piles of 8 to 216
+balls, to a factor of three."""
 
 EVENT = 2e-3
-"""CPU time of an event of contacts: its location, impacts, choice of modes [s]."""
+"""CPU time of a contact event [s]: its location, impacts, choice of modes."""
 
 
 def evaluations(name: str, tolerance: float | None, compiled: Compiled) -> float:
-    """Right sides that an attempted step of the method is worth; tolerance: None of a fixed one."""
+    """Cost of an attempted step in evaluations of the right-hand side; tolerance: None with fixed
+    steps."""
     if METHODS[name].family == "taylor" and tolerance is not None:
         jointed = isinstance(compiled.y, np.ndarray) and compiled.rows > 0
         step, digit = (JOINTED_STEP, JOINTED_DIGIT) if jointed else (TAYLOR_STEP, TAYLOR_DIGIT)
@@ -87,16 +89,16 @@ def evaluations(name: str, tolerance: float | None, compiled: Compiled) -> float
 
 
 def _solving(name: str, compiled: Compiled) -> float:
-    """What the linear systems of a step are worth in evaluations; nothing where they are small."""
+    """Cost of the linear systems of a step in evaluations; 0 for methods without any."""
     if METHODS[name].family != "radau" or not isinstance(compiled.y, np.ndarray):
         return 0.0
     return SOLVE * len(compiled.y) ** 3 / seconds_of_evaluation(compiled)
 
 
 def seconds_of_evaluation(compiled: Compiled, closed: bool = True) -> float:
-    """CPU time of one right side of the scene, about [s].
+    """Approximate CPU time of an evaluation of the scene's right-hand side [s].
 
-    closed: all contacts are; if not, most of them are open most of the time and share no loads.
+    closed: whether all contacts are closed; otherwise most are open most of the time.
     """
     if not isinstance(compiled.y, np.ndarray):
         return REDUCED
@@ -108,11 +110,10 @@ def seconds_of_evaluation(compiled: Compiled, closed: bool = True) -> float:
 
 
 def counted_time(motion: Motion, setting: Setting, one: float | None = None) -> float:
-    """What the steps and events of a motion so far take, to a factor of three [s]: the same on
-    every machine.
+    """Approximate CPU time of the steps and events of a motion so far [s], to a factor of three.
 
-    one: CPU time of an evaluation [s]; default: with contacts that are open most of the time, as
-    they are in most runs.
+    It is computed from their number, and so is the same on every machine. one: CPU time of an
+    evaluation [s]; default: with contacts that are open most of the time.
     """
     compiled = motion.compiled
     if one is None:
@@ -126,7 +127,7 @@ def counted_time(motion: Motion, setting: Setting, one: float | None = None) -> 
 
 
 def overdetermined(compiled: Compiled) -> int:
-    """Number of bodies that contacts may hold by more rows than the six of their freedoms."""
+    """Number of bodies on which contacts may act by more than six rows."""
     if not compiled.contact_laws:
         return 0
     ends = np.asarray(compiled.system.row_table)[:, :2].ravel()
@@ -137,7 +138,7 @@ def overdetermined(compiled: Compiled) -> int:
 
 
 TIGHTEST = 1e-14
-"""Local tolerance below which rounding, not the step, causes the error."""
+"""Local tolerance below which the error is rounding, whatever the step."""
 
 QUANTITIES = ("position", "rotation", "linear_velocity", "angular_velocity", "force", "torque")
 UNITS = ("m", "rad", "m/s", "rad/s", "N", "N m")
@@ -175,7 +176,7 @@ class Setting(NamedTuple):
 
     @property
     def power(self) -> float:
-        """Exponent of the knob in the global error, as theory has it."""
+        """Theoretical exponent of the knob in the global error."""
         return float(self.order) if self.step is not None else 1.0
 
     def with_knob(self, value: float) -> Setting:
@@ -185,8 +186,8 @@ class Setting(NamedTuple):
         return self._replace(tolerance=value)
 
     def scaled(self, factor: float, duration: float) -> Setting:
-        """The same method with its step, which divides the duration [s], or its tolerance, from
-        TIGHTEST to 1, times the factor."""
+        """The same method with its step or tolerance times the factor; the step divides the
+        duration [s], the tolerance is from TIGHTEST to 1."""
         knob = factor * self.knob
         if self.step is not None:
             return self.with_knob(dividing(knob, duration))
@@ -212,18 +213,18 @@ class Choice:
     tolerance: float | None
     """local tolerance of an adaptive step, or None."""
     target: float
-    """global error of the pose asked for [rad, m]."""
+    """requested global error of the pose [rad, m]."""
     predicted_error: float
-    """global error over the scene's duration, by a second run that is checked [rad, m]."""
+    """global error over the scene's duration, measured by a checked second run [rad, m]."""
     cost: float
     """CPU seconds per simulated second."""
     reached: bool
-    """False where round-off, chaos or the search's budget keep the error above the target."""
+    """False if round-off, chaos or the search's budget keep the error above the target."""
     reason: str
     errors: tuple[float, ...] = ()
     """largest errors of position [m], rotation [rad], linear and angular velocity [m/s, rad/s],
-    reaction force [N] and torque [N m] over the duration, the uncertainty of the checked run
-    added."""
+    reaction force [N] and torque [N m] over the duration, including the uncertainty of the
+    reference."""
 
     @property
     def setting(self) -> Setting:

@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What a scene calls for, and what each part of it costs per step, measured by leaving it out.
+"""The parts of a scene and the cost of each per step, measured by a run without the part.
 
-Steps of bodies in contact are measured between events, and what an event costs apart from them.
+With contacts, steps are measured between events, and the cost of an event separately.
 """
 
 from __future__ import annotations
@@ -40,37 +40,38 @@ from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 
-# What steps of several motions cost, measured in turns, and what an event costs beside them.
+# The cost of a step of several motions, measured in turn, and the cost of an event.
 
 
 SPELL = 1e-3
-"""CPU time of one measurement, about [s]; the least of REPEATS counts."""
+"""Approximate CPU time of one measurement [s]."""
 
 REPEATS = 4
+"""Number of measurements of which the least counts."""
 
 ROUNDS = 31
-"""Interleaved measurements of all variants; their medians count."""
+"""Maximum number of rounds; each measures all variants, and the median over the rounds counts."""
 
 FEWEST_STEPS = 500
-"""Steps of one run at least, so that starting it does not count."""
+"""Minimum number of steps of one measurement, so that the start of a run does not matter."""
 
 FEW_STEPS = 20
-"""The same of steps so dear that they fill a SPELL before: each takes much longer than starting."""
+"""The same for steps that take longer than SPELL / FEWEST_STEPS."""
 
 FIRST_RUN = 0.2
-"""CPU time after which the first run of the scene without a part is broken off [s]."""
+"""Maximum CPU time of the first run of the scene without a part [s]."""
 
 LONGEST_RUN = 5.0
-"""CPU time after which a run that is only looked at is broken off [s]."""
+"""Maximum CPU time of a survey run [s]."""
 
 MEASURING = 10.0
-"""CPU time of the rounds [s]: after it no other begins, but for FEWEST_ROUNDS."""
+"""Maximum CPU time of the rounds after the first FEWEST_ROUNDS [s]."""
 
 FEWEST_ROUNDS = 5
-"""From which a median and its spread can be computed."""
+"""Minimum number of rounds, for a median and its spread."""
 
 EDGE = 0.1
-"""Share of the time between two events that is kept clear of either, and of the end of a run."""
+"""Share of the time between two events that measurements keep away from each of them."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,12 @@ class Cost:
 
 @dataclass(frozen=True)
 class Events:
-    """Instants at which contacts change: located, and answered with impacts and new modes."""
+    """Number and cost of the instants at which contacts change."""
 
     count: int
-    """over the scene's duration, the start left out."""
+    """over the scene's duration, without those at the start."""
     nanoseconds: float
-    """CPU time of one, beside the steps between them."""
+    """CPU time of one event [ns], in addition to the steps."""
 
 
 @dataclass(frozen=True)
@@ -97,26 +98,26 @@ class RunCost:
 
     unchecked: float
     checked: float
-    """with the checks of every run, a second run among them."""
+    """with all checks, including the second run."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What a run of the scene has shown, as far as it came."""
+    """Steps and events of one run of the scene."""
 
     reached: float
-    """the scene's duration, or where the run ended or was broken off [s]."""
+    """the scene's duration, or the time at which the run failed or was stopped [s]."""
     steps: int
     rejected: int
     events: tuple[float, ...] | None
-    """instants after the start at which contacts have changed [s]; None where there are none."""
+    """instants after the start at which contacts changed [s]; None without contacts."""
     seconds: float
-    """CPU time of it [s]."""
+    """CPU time of the run [s]."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """The longest time without an event, in which steps of bodies in contact are measured."""
+    """The longest interval without an event, in which steps are measured."""
 
     start: float
     """[s]."""
@@ -127,7 +128,7 @@ class Stretch:
 
 
 class _OutOfTimeError(Exception):
-    """A run is not at its end when its time is over."""
+    """A run has exceeded its time."""
 
 
 def comes_to(motion: Motion, end: float, seconds: float) -> bool:
@@ -149,7 +150,7 @@ def comes_to(motion: Motion, end: float, seconds: float) -> bool:
 
 
 def survey(compiled: Compiled, setting: Setting, duration: float) -> Survey:
-    """Run the scene once, within LONGEST_RUN. Raises SimulationError if it cannot even begin."""
+    """Run the scene once, within LONGEST_RUN. Raises SimulationError if it fails at its start."""
     motion = motion_of(compiled, setting.build(duration))
     motion.warm()
     began = time.process_time()
@@ -167,7 +168,7 @@ def survey(compiled: Compiled, setting: Setting, duration: float) -> Survey:
 def longest_stretch(
     compiled: Compiled, setting: Setting, duration: float, seen: Survey
 ) -> Stretch | None:
-    """Where no contact changes for longest; None for motions without events."""
+    """The longest interval without an event; None for motions without events."""
     if seen.events is None:
         return None
     motion = motion_of(compiled, setting.build(duration))
@@ -180,37 +181,38 @@ def longest_stretch(
 
 
 def instants(motion: ContactMotion) -> list[float]:
-    """Times after the start at which contacts have changed, in their order [s]."""
+    """Times after the start at which contacts changed, increasing [s]."""
     return sorted({event.t for event in motion.events if event.t > 0.0})
 
 
 def steps_of_a_run(seen: Survey) -> int:
-    """Steps that one measurement takes."""
-    spells = max(seen.seconds / SPELL, 1e-9)  # some clocks tell nothing of a short run
+    """Number of steps of one measurement."""
+    spells = max(seen.seconds / SPELL, 1e-9)  # a coarse clock may give 0 for a short run
     return int(min(max((seen.steps + seen.rejected) / spells, FEW_STEPS), FEWEST_STEPS))
 
 
 def typical_step(setting: Setting, seen: Survey, stretch: Stretch | None) -> float:
-    """The step, or the mean one of an adaptive run; short enough for a measurement [s]."""
+    """The fixed step, or the mean step of an adaptive run [s], reduced if the measured interval is
+    too short for it."""
     step = seen.reached / max(1, seen.steps) if setting.step is None else setting.step
     span = (1.0 - EDGE) * seen.reached if stretch is None else stretch.length
     return dividing(min(step, span / steps_of_a_run(seen)), span)
 
 
 def begin(motion: Motion, stretch: Stretch | None) -> None:
-    """Go to where the measurement starts: the start of the scene, or of the stretch."""
+    """Reset the motion to the start of the measurement: of the stretch, or of the scene."""
     if stretch is not None and isinstance(motion, ContactMotion):
         motion.reset(stretch.y, stretch.start)
-    else:  # also what has no contact left, and so other coordinates
+    else:  # without its contacts a scene may have other coordinates
         motion.reset()
 
 
 def interleaved(
     motions: Sequence[Motion | None], step: float, count: int, stretch: Stretch | None
 ) -> list[np.ndarray | None]:
-    """Nanoseconds per step of each variant, one per round; rounds go through all variants.
+    """Nanoseconds per step of each variant, one value per round; a round measures all variants.
 
-    count: steps of one measurement. No round begins after MEASURING, but for FEWEST_ROUNDS.
+    count: number of steps of one measurement.
     """
     results: list[list[float]] = [[] for _ in motions]
     began = time.process_time()
@@ -228,10 +230,10 @@ def interleaved(
 
 
 def nanoseconds(motion: Motion, step: float, count: int, stretch: Stretch | None = None) -> float:
-    """CPU time of one step [s], from runs of `count` of them that fill a SPELL [ns].
+    """CPU time of one step [ns], from runs over `count` steps [s] repeated until SPELL is filled.
 
-    A method that only adapts its step may take another number of them without a part; what counts
-    is the time that the same span takes.
+    An adaptive method may take another number of steps without the part; the time for the same
+    interval counts.
     """
     total, steps = 0.0, 0
     while total < SPELL:
@@ -247,7 +249,7 @@ def nanoseconds(motion: Motion, step: float, count: int, stretch: Stretch | None
 def cost_of_events(
     compiled: Compiled, setting: Setting, duration: float, step: float, seen: Survey
 ) -> Events | None:
-    """What a whole run takes beside its steps; step: what one of them takes [ns]."""
+    """CPU time of a whole run in addition to its steps; step: CPU time of one step [ns]."""
     if seen.events is None:
         return None
     motion = motion_of(compiled, setting.build(duration))
@@ -263,16 +265,16 @@ def cost_of_events(
 
 
 def cost_of(samples: np.ndarray) -> Cost:
-    """Median of the samples, and half the distance of their quartiles."""
+    """Median of the samples, and half the distance between their quartiles."""
     low, middle, high = np.percentile(samples, [25.0, 50.0, 75.0])
     return Cost(float(middle), 0.5 * float(high - low))
 
 
 NOISE = 3.0
-"""Half interquartile ranges below zero up to which a part is taken to cost nothing."""
+"""A part whose cost is negative by up to this number of spreads counts as 0."""
 
 PREPARING = 30.0
-"""CPU time of compiling the scene without its parts [s]: after it no other is left out."""
+"""CPU time of compiling the scene without its parts [s], after which no other part is measured."""
 
 LATE = "no measuring time left after the parts before it"
 
@@ -290,17 +292,17 @@ class Item:
     rows: int
     """rows of the constraint Jacobian; 0 for an effect."""
     cost: Cost | None
-    """what a step costs more because of it; None where that has no meaning."""
+    """additional cost of a step because of it; None if it cannot be measured."""
     reason: str = ""
-    """why it has none."""
+    """why it cannot be measured."""
 
 
 Costs = dict[tuple[str, str], tuple[Cost | None, str]]
-"""(section, name) of a part -> what it costs, or None and the reason."""
+"""(section, name) of a part -> its cost, or None and the reason."""
 
 
 class Measure(NamedTuple):
-    """What is timed: `count` steps from the start of the stretch, or of the scene."""
+    """A measurement: `count` steps from the start of the stretch, or of the scene."""
 
     step: float
     """[s]."""
@@ -310,7 +312,7 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True)
 class Explanation:
-    """What is simulated and how."""
+    """The parts of a scene, how it is simulated, and the cost of each part."""
 
     scene: str
     bodies: tuple[tuple[str, float], ...]
@@ -320,25 +322,25 @@ class Explanation:
     rows: int
     degrees_of_freedom: int
     indeterminate: tuple[str, ...]
-    """reactions that statics alone does not determine, contacts as they are at the start."""
+    """reactions that are not unique with the contacts at the start."""
     coordinates: str
     method: str
     choice: Choice | None
-    """where the scene says `method: auto`."""
+    """of `method: auto`."""
     step: Cost
     """the whole step."""
     step_length: float
     """of the measurement [s]."""
     measured_from: float
-    """time of the scene at which the measurement begins [s]."""
+    """time at which the measurement begins [s]."""
     seen_until: float
-    """up to which the scene was run for it: its duration, unless that takes too long [s]."""
+    """end of the survey run: the scene's duration, unless the run takes too long or fails [s]."""
     duration: float
     """of the scene [s]."""
     events: Events | None
-    """None without contacts, and with a method that knows no events."""
+    """None without contacts or with a method without events."""
     run: RunCost | None
-    """None of a scene whose run ends early or takes too long."""
+    """None if the run fails or takes too long."""
     absent_constraints: tuple[str, ...]
     absent_effects: tuple[str, ...]
 
@@ -348,7 +350,7 @@ def explain(
     progress: Progress | None = None,
     run_cost: Callable[[Scene], RunCost] | None = None,
 ) -> Explanation:
-    """Compile the scene and the scene without each of its parts, and time their steps in turn.
+    """Compile the scene with and without each of its parts, and time their steps in turn.
 
     run_cost: times a whole run without and with its checks.
 
@@ -399,7 +401,7 @@ def explain(
 def costs_of_parts(
     scene: Scene, setting: Setting, measure: Measure, tell: Progress
 ) -> tuple[Cost, Costs]:
-    """The cost of a step, and by how much each part adds to it."""
+    """The cost of a step, and the additional cost of each part."""
     parts = [("constraints", name) for name in scene.constraints]
     parts += [("effects", name) for name in scene.effects]
     motions: list[Motion | None] = []
@@ -428,13 +430,13 @@ def costs_of_parts(
 
 
 def lines_of(parts: Sequence[Any]) -> int:
-    """Constraint rows of these parts, joints' or contacts'."""
+    """Number of constraint rows of these parts of joints or contacts."""
     rows = [part.row for part in parts]
     return sum(COUNT[type(r)] if type(r) in COUNT else contact_rows(r) for r in rows)
 
 
 def priced(cost: Cost) -> tuple[Cost | None, str]:
-    """The cost and "", or None and why it is none: a part has no negative price."""
+    """The cost and "", or None and the reason: a cost that is clearly negative has no meaning."""
     if cost.nanoseconds >= 0.0:
         return cost, ""
     if -cost.nanoseconds <= NOISE * cost.spread:
@@ -450,13 +452,13 @@ def item(name: str, spec: Any, cost: Cost | None, reason: str = "", rows: int = 
 
 
 def absent(catalogue: Any, used: Any) -> tuple[str, ...]:
-    """Kinds of the catalogue that the scene does not name."""
+    """Types of the catalogue that the scene does not use."""
     named = {spec.type for spec in used}
     return tuple(kind for kind in catalogue if kind not in named)
 
 
 def coordinates_of(compiled: Compiled) -> str:
-    """The coordinates y, as the system's own documentation names them."""
+    """The coordinates, from the docstring of the system."""
     if not compiled.reduced:
         return f"maximal: {len(compiled.y)} coordinates, multipliers, projection after each step"
     text = (type(compiled.system).__doc__ or "").strip().split("\n")[0].rstrip(".")
@@ -466,10 +468,10 @@ def coordinates_of(compiled: Compiled) -> str:
 def variant(
     scene: Scene, part: tuple[str, str] | None, setting: Setting, measure: Measure
 ) -> Motion | str:
-    """The scene without one part, compiled, in fixed steps of its method if it has them.
+    """The motion of the scene without one part, with fixed steps if its method has them.
 
-    A phrase where that has no meaning: the scene cannot be simulated without the part, or its
-    contacts change.
+    The reason as a phrase if that cannot be compared: the scene does not run without the part, or
+    its contacts change.
     """
     without = "" if part is None else " without it"
     if part is not None:
@@ -497,7 +499,7 @@ def variant(
 
 
 def parted(motion: Motion | None, other: Motion | None) -> bool:
-    """Whether two variants with the same contacts hold them otherwise at the end of their runs."""
+    """Whether two variants with the same contacts end with different states of these."""
     if not isinstance(motion, ContactMotion) or not isinstance(other, ContactMotion):
         return False
     states = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions) + BALANCE + 1

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Every method over a ladder of steps or tolerances: what each error costs on this scene."""
+"""Error against cost of every method on a scene, over a ladder of steps or tolerances."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.schema import Scene
 
-# What the errors of a ladder are measured against, and where round-off or chaos ends it.
+# The reference of a ladder, and the smallest error that can be measured with it.
 
 
 GRIDS = (0.93, 0.83)
-"""Shares of the step, or of the tolerance, with which a run in contact is made once more: what it
-decides at events too close to tell then falls out differently."""
+"""Factors of the step or tolerance with which the reference of a scene with contacts is repeated:
+the order of events too close to separate may then change."""
 
 TELLING = 100.0
-"""Factor by which the grid of steps must matter more than rounding does, to be named."""
+"""Factor by which the grid of steps must matter more than rounding to be given as the reason."""
 
 TRIALS = 3
-"""Runs from starts one ulp apart."""
+"""Number of runs from starts one ulp apart."""
 
 NO_ERRORS = Errors(0.0, 0.0, 0.0)
 
@@ -59,29 +59,29 @@ class Reference:
     kind: str
     """the closed form's name and source, or the setting of the run."""
     check: str
-    """the independent setting it was compared with."""
+    """the independent setting that it was compared with."""
     agreement: Errors
     """largest differences of the two."""
     ulp_growth: Errors
-    """differences that one ulp in the initial state grows to."""
+    """growth of one ulp of the initial state."""
     mean_step: float
-    """of an adaptive run, a measure of how fast the scene moves [s]."""
+    """mean step of an adaptive run [s]."""
     scatter: Errors = NO_ERRORS
-    """differences from the same run on other grids of steps; only of scenes in contact."""
+    """differences from the same run on other grids of steps; only with contacts."""
 
     @property
     def floors(self) -> Errors:
-        """Errors below which figures say nothing: what round-off and chaos leave of agreement."""
+        """The smallest errors that can be measured."""
         return Errors(*np.max([self.agreement, self.scatter, [EPS] * 3], axis=0).tolist())
 
     @property
     def floor(self) -> float:
-        """That of the pose [rad, m]."""
+        """The smallest error of the pose that can be measured [rad, m]."""
         return self.floors.pose
 
     @property
     def words(self) -> str:
-        """What ends the ladder, in one line."""
+        """The floor and its cause, in one line."""
         if not np.isfinite(self.floor):
             return f"no reference: {self.kind} and {self.check} do not both reach the end"
         grown = f"a 1-ulp perturbation of the start grows to {self.ulp_growth.pose:.1e}"
@@ -100,9 +100,9 @@ class Reference:
 
 
 def reference(runner: Runner, budget: float) -> Reference:
-    """Closed form where the scene has one, else the tightest run; checked by another method.
+    """The closed form if the scene has one, else the most accurate run; checked by another method.
 
-    budget: time of the runner for it [s].
+    budget: time of the runner [s].
     """
     first = pilot(runner, TIGHTEST, budget) or sharpest(runner, TIGHTEST)
     runner.limit = math.inf
@@ -127,13 +127,13 @@ def reference(runner: Runner, budget: float) -> Reference:
 
 
 def scatter(runner: Runner, run: CheckedRun) -> Errors:
-    """Largest differences from the run, of the same run on other grids of steps."""
+    """Largest differences of the reference from itself on other grids of steps."""
     others = (runner.sampled(run.setting.scaled(share, runner.duration))[0] for share in GRIDS)
     return largest_errors(others, run.rows, runner.compiled.layout)
 
 
 def rows_of(runner: Runner, setting: Setting, coordinates: Array) -> Array:
-    """Samples at the runner's times in the states with these coordinates, (n, len y)."""
+    """Rows of samples at the runner's times from given coordinates, (n, len y)."""
     motion = runner.motion(setting)
     rows = np.zeros((len(coordinates), motion.width))
     for i, (t, y) in enumerate(zip(runner.times, coordinates, strict=True)):
@@ -146,33 +146,33 @@ COARSE = 0.3
 """Global error [rad, m] at which a ladder begins."""
 
 NEAR_FLOOR = 2.0
-"""A ladder ends once its error is within this factor of the floor, or no longer falls."""
+"""A ladder ends when its error is within this factor of the floor, or no longer falls."""
 
 STALLED, FAR, STALLED_FAR = 3, 1e3, 9
-"""Rungs without a new best error after which a ladder ends; more where the error is still FAR times
-the floor: an implicit method may find no solution across a corner until its steps are short."""
+"""A ladder ends after STALLED rungs without a smaller error, or STALLED_FAR while the error is FAR
+times the floor: an implicit method may fail at a corner until its steps are short."""
 
 HOPELESS = 100.0
-"""A ladder ends once it costs this factor of another method that errs less."""
+"""A ladder ends when it costs this factor of another method with a smaller error."""
 
 LONGEST = 0.5
-"""Share of a ladder's time that one run from event to event may take."""
+"""Share of a ladder's time that one run may take."""
 
 OUT_OF_TIME = "its time is used up (--budget)"
 
 Progress = Callable[[str, float], None]
-"""progress(what is running, share of the work done)."""
+"""progress(current work, share of the work done)."""
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One setting, what it costs and what it gives."""
+    """One setting, its errors and its cost."""
 
     setting: Setting
     steps: int
     errors: Errors
     cost: float
-    """CPU seconds per simulated second, stepping only."""
+    """CPU seconds per simulated second, without samples."""
 
 
 @dataclass(frozen=True)
@@ -182,12 +182,12 @@ class Ladder:
     name: str
     rungs: tuple[Rung, ...]
     end: str
-    """why it ends where it does."""
+    """why it ends there."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What accuracy costs on one scene."""
+    """The work-precision diagram of one scene."""
 
     scene: str
     duration: float
@@ -206,7 +206,7 @@ class Accuracy:
 
 @dataclass
 class Clock:
-    """Wall time given to the runs, in equal shares to what is left to do."""
+    """Wall-clock time that is left of a budget [s]."""
 
     budget: float
     start: float = field(default_factory=time.perf_counter)
@@ -223,10 +223,10 @@ def climb(
     target: float | None = None,
     progress: Progress | None = None,
 ) -> Accuracy:
-    """Run the scene with every method from coarse steps to where round-off or chaos ends it.
+    """Run the scene with every method, from coarse steps down to the floor of the reference.
 
-    budget: wall time of the runs [s]; compiling the methods for a new kind of scene comes on top,
-    once per machine. target: global error [rad, m] below which no ladder needs to go.
+    budget: wall time of the runs [s], without the compilation of a new kind of scene, which happens
+    once on a machine. target: global error [rad, m] at which a ladder may end.
     """
     tell = progress or (lambda what, share: None)
     options = scene.simulation
@@ -254,10 +254,8 @@ def climb(
 
 
 def settings_of(runner: Runner) -> list[Setting]:
-    """One setting of every method in every form that suits the scene, the knob still open.
-
-    Those of high order come first: they show early what the others are measured by.
-    """
+    """One setting for each method and form (fixed, adaptive) that suits the scene, high orders
+    first; its step or tolerance is still to be chosen."""
     settings = []
     for name, entry in sorted(METHODS.items(), key=lambda item: -item[1].order):
         if entry.suits(runner.compiled.system):
@@ -276,9 +274,9 @@ def one_ladder(
     target: float | None,
     rivals: Sequence[Rung],
 ) -> Ladder:
-    """Refine from the coarsest useful knob until the floor, the target or the time is reached.
+    """Refine from the coarsest useful setting until the floor, the target or the time is reached.
 
-    rivals: what other methods gave; one far above their cost ends the ladder.
+    rivals: rungs of other methods; the ladder ends if it costs far more than these.
     """
     clock = Clock(seconds)
     runner.wall = LONGEST * seconds
@@ -317,7 +315,7 @@ def one_ladder(
 
 
 def ladder_name(setting: Setting) -> str:
-    """The method, with its form where it comes in two."""
+    """The method, with its form if it has two."""
     entry = METHODS[setting.name]
     if entry.fixed is None or entry.adaptive is None:
         return setting.name
@@ -331,10 +329,10 @@ Seen = dict[Setting, tuple[int, Errors]]
 def from_coarsest(
     runner: Runner, form: Setting, true: Reference, ratio: float, clock: Clock
 ) -> Seen:
-    """The first rungs of a ladder of fixed steps, coarse to fine: from COARSE to a typical step.
+    """The first rungs of a ladder of fixed steps, from an error of COARSE to a typical step.
 
-    Empty for an adaptive method, which begins with the tolerance of its form. clock: of the ladder,
-    half of whose time this may take.
+    Empty for an adaptive method, which begins with the tolerance of its form. clock: of the ladder;
+    these rungs may take half of its time.
     """
     if form.step is None:
         return {}
@@ -355,13 +353,13 @@ def from_coarsest(
 
 
 def measured(runner: Runner, setting: Setting, true: Reference, seen: Seen) -> Rung:
-    """The rung of a setting; run for its errors unless that has been done."""
+    """The rung of a setting; its run is made unless it is among `seen`."""
     steps, errors = seen.get(setting) or tried(runner, setting, true)
     return Rung(setting, steps, errors, runner.measured_cost(setting))
 
 
 def tried(runner: Runner, setting: Setting, true: Reference) -> tuple[int, Errors]:
-    """Steps and errors of the setting; its rows are not kept, for there are many settings."""
+    """Steps and errors of a setting; its rows are not kept."""
     rows, steps = runner.sampled(setting)
     runner.forget()
     return steps, compare(rows, true.rows, runner.compiled.layout)

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Runs of a compiled scene under any setting, timed or compared with one another sample by sample.
+"""Runs of a compiled scene under different settings: their samples, errors and costs.
 
-Rows are those of the kernel: 13 numbers per body (position, quaternion, velocities), 9 per reaction
-(force, torque, anchor), then kinetic and potential energy, power, momenta and residual, and where
-there are contacts their work and states.
+A row of samples has 13 numbers per body (position, quaternion, velocities), 9 per reaction (force,
+torque, anchor), then kinetic and potential energy, power, momenta and residual; with contacts,
+their work and states follow.
 """
 
 from __future__ import annotations
@@ -43,34 +43,35 @@ from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
 BALANCE = 10
-"""Numbers of a row after the reactions; with contacts their work and states follow."""
+"""Numbers of a row after the reactions, without the work and states of contacts."""
 
 
 JUMPS = 0.05
-"""Share of the instants that may lie on different sides of a jump in two runs that move alike."""
+"""Two runs of the same motion give an event slightly different times. Up to this share of the
+instants may lie between two such times."""
 
 
 class Errors(NamedTuple):
-    """Largest difference over the run; infinite where a run ended early."""
+    """Largest differences from the reference over a run; infinite if the run ended early."""
 
     pose: float
     """rotation [rad] or centre of mass [m], whichever is larger."""
     reaction: float
     """relative to the largest reaction of the reference; 0 without constraints."""
     energy: float
-    """less the work of contacts; relative to the energy that the motion exchanges."""
+    """without the work of contacts, relative to the energy that the motion exchanges."""
 
 
 def pose_gaps(poses: Array, others: Array) -> tuple[Array, Array]:
-    """Distances of the centres of mass [m] and angles between the attitudes [rad] of two runs,
-    shape (n, bodies) each; poses (n, bodies, 7): position, quaternion."""
+    """Distances between the centres of mass [m] and angles between the attitudes [rad] of two runs,
+    (n, bodies) each; poses (n, bodies, 7): position, quaternion."""
     shift = np.linalg.norm(poses[..., :3] - others[..., :3], axis=-1)
     return shift, angle_between(poses[..., 3:], others[..., 3:])
 
 
 def motion_size(poses: Array, radius: Array) -> float:
-    """The largest way of a body from its start [m], or its largest turn as an arc of its radius of
-    gyration; poses (n, bodies, 7), radius (bodies,) [m]."""
+    """Largest displacement of a body from its start, or largest turn times its radius of gyration
+    [m]; poses (n, bodies, 7), radius (bodies,) [m]."""
     way, turn = pose_gaps(poses, poses[:1])
     return float(np.nan_to_num(np.maximum(way, radius * turn), nan=0.0, posinf=np.inf).max())
 
@@ -78,10 +79,11 @@ def motion_size(poses: Array, radius: Array) -> float:
 def motions_apart(
     one: Array, two: Array, radius: Array, least: float
 ) -> tuple[float, float, int, int]:
-    """How far two runs are apart at most, as a share of the smaller motion and as it is [m, rad],
-    and the instant and the body of the share; poses (n, bodies, 7).
+    """Largest difference between two runs: relative to the smaller motion, absolute [m, rad], and
+    the instant and body of the relative one; poses (n, bodies, 7).
 
-    radius: of gyration of the bodies, (bodies,) [m]. least: the smallest motion that counts [m].
+    radius: radius of gyration of each body, (bodies,) [m]. least: lower limit of the size of the
+    motion [m].
     """
     with np.errstate(all="ignore"):
         shift, turn = pose_gaps(one, two)
@@ -103,11 +105,11 @@ POSITION, ROTATION, VELOCITY, SPIN, FORCE, TORQUE = range(6)
 
 
 def distances(rows: Array, others: Array, layout: SampleLayout) -> Array:
-    """How far two runs are apart at each instant, shape (n, 6), the worst of bodies and reactions.
+    """Differences between two runs at each instant, (n, 6), the largest of all bodies or reactions.
 
-    What is not finite is infinitely far apart. Where the two are on different sides of an event,
-    which is no error but one of its time, the quantities that jump count as 0; unless there are
-    many such instants, for then they do not move alike.
+    A value that is not finite counts as infinitely far. At instants between the times that the two
+    runs give the same event, quantities that jump there count as 0: only the time of the event
+    differs. With many such instants (JUMPS) the motions differ, and all quantities count.
     """
     a, b = parts(rows, layout), parts(others, layout)
     each = [np.linalg.norm(x - y, axis=2) for x, y in zip(a, b, strict=True)]
@@ -119,7 +121,7 @@ def distances(rows: Array, others: Array, layout: SampleLayout) -> Array:
 
 
 def parts(rows: Array, layout: SampleLayout) -> list[Array]:
-    """The six quantities, each (n, bodies or reactions, components)."""
+    """Position, quaternion, velocities, force and torque, each (n, bodies or reactions, k)."""
     bodies, reactions = len(layout.bodies), len(layout.reactions)
     body = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)
     reaction = rows[:, 13 * bodies : 13 * bodies + 9 * reactions]
@@ -130,7 +132,7 @@ def parts(rows: Array, layout: SampleLayout) -> list[Array]:
 
 
 def across_an_event(rows: Array, others: Array, layout: SampleLayout) -> Indices:
-    """Indices of the instants that lie between the times that two runs give one event."""
+    """Indices of the instants that lie between the times that two runs give the same event."""
     if not layout.contacts:
         return np.zeros(0, dtype=np.intp)
     states = 13 * len(layout.bodies) + 9 * len(layout.reactions) + BALANCE + 1
@@ -168,11 +170,10 @@ def _arm(reference: Array, layout: SampleLayout) -> float:
 
 
 def energy_difference(rows: Array, reference: Array, layout: SampleLayout) -> Array:
-    """Error of kinetic plus potential energy, relative to the energy the motion exchanges.
+    """Error of kinetic plus potential energy, relative to the energy that the motion exchanges.
 
-    The reference of a conservative scene has constant energy, so this is the drift; elsewhere the
-    work of the driving and dissipating effects is in the reference too.  The work of contacts is
-    taken off: it jumps at impacts, and a sample may lie between those of the two runs.
+    In a conservative scene the reference has constant energy, and this is the drift. The work of
+    contacts is subtracted: it jumps at impacts, whose times differ slightly between the two runs.
     """
     at = 13 * len(layout.bodies) + 9 * len(layout.reactions)
     total, true = balance_of(rows, at, layout), balance_of(reference, at, layout)
@@ -181,7 +182,7 @@ def energy_difference(rows: Array, reference: Array, layout: SampleLayout) -> Ar
 
 
 def balance_of(rows: Array, at: int, layout: SampleLayout) -> Array:
-    """Kinetic plus potential energy less the work of contacts; at: the column of the first [J]."""
+    """Kinetic plus potential energy minus the work of contacts [J]; at: column of the first."""
     total = rows[:, at] + rows[:, at + 1]
     return total - rows[:, at + BALANCE] if layout.contacts else total
 
@@ -197,26 +198,26 @@ def compare(rows: Array, reference: Array, layout: SampleLayout) -> Errors:
 
 
 FEWEST, MOST = 400, 2000
-"""Instants at which the errors of a run are taken."""
+"""Minimum and maximum number of instants at which runs are compared."""
 
 EXPENSIVE = 1e-3
-"""[s] of CPU: a run shorter than this is timed in batches."""
+"""CPU time of a run [s] below which several runs are timed together."""
 
 
 def sample_times(options: SimulationOptions) -> Array:
-    """Instants of the scene's duration at which runs are compared, both ends included [s]."""
+    """Instants from 0 to the scene's duration at which runs are compared [s]."""
     count = int(min(max(options.duration * options.rate, FEWEST), MOST))
     return options.duration * np.arange(count + 1) / count
 
 
-# How much the scene itself magnifies one rounding: runs from initial states one ulp apart.
+# How much the scene itself amplifies a rounding error: runs whose initial states are 1 ulp apart.
 
 
 EPS = float(np.finfo(float).eps)
 
 BODY, PLACES = 13, 7
-"""Coordinates of a body that nothing holds, and of many: position, quaternion, velocity, spin; and
-how many of them tell where it is."""
+"""Coordinates of a free body (position, quaternion, velocities), and how many of them are its
+pose."""
 
 
 def from_one_ulp_apart(
@@ -226,9 +227,9 @@ def from_one_ulp_apart(
     budget: float = math.inf,
     sizes: Array | None = None,
 ) -> Iterator[Array]:
-    """Rows of runs whose initial coordinates are one ulp apart from the scene's.
+    """Rows of runs whose initial coordinates differ by one ulp from the scene's.
 
-    budget: time of the runner after which no further one begins [s]. sizes: as `one_ulp_apart`.
+    budget: time of the runner after which no further run begins [s]. sizes: as `one_ulp_apart`.
     """
     random, start = np.random.default_rng(0), runner.spent
     for trial in range(trials):
@@ -238,16 +239,16 @@ def from_one_ulp_apart(
 
 
 def largest_errors(runs: Iterable[Array], reference: Array, layout: SampleLayout) -> Errors:
-    """Of all these runs against a reference at the same instants."""
+    """Largest errors of several runs against a reference at the same instants."""
     each = [compare(rows, reference, layout) for rows in runs]
     return Errors(*np.max(each, axis=0).tolist())
 
 
 def one_ulp_apart(y: Any, random: np.random.Generator, sizes: Array | None = None) -> Any:
-    """The coordinates, each moved to the next double up or down; of the same kind as y.
+    """The coordinates, each moved at random to the next double above or below.
 
-    Zeros move by half an ulp of their size: they come out of sums of terms that large. sizes: of
-    each coordinate, (n,); None: 1.
+    A zero is moved by half an ulp of the coordinate's size, since it is a sum of terms of that
+    size. sizes: of each coordinate, (n,); None: 1.
     """
     values = np.array(y, dtype=float)
     sides = np.where(random.integers(0, 2, len(values)) > 0, 1.0, -1.0)
@@ -257,10 +258,10 @@ def one_ulp_apart(y: Any, random: np.random.Generator, sizes: Array | None = Non
 
 
 def sizes_of(rows: Array, compiled: Compiled) -> Array:
-    """How large each coordinate becomes in a run, its places, velocities and spins by their norms;
-    1 for a quaternion, for what stays zero, and in coordinates that are none of these.
+    """Size of each coordinate in a run: largest norm of position, velocity and angular velocity.
 
-    rows: samples of the run. What swings by a nanometre has no terms of a metre.
+    1 for quaternions, for vectors that stay zero, and for reduced coordinates. rows: samples of the
+    run. A body that swings by a nanometre thus gets perturbations of that size.
     """
     n, bodies = len(compiled.y), len(compiled.layout.bodies)
     sizes = np.ones(n)
@@ -275,23 +276,24 @@ def sizes_of(rows: Array, compiled: Compiled) -> Array:
     return sizes
 
 
-# Runs whose time is counted, not measured: the same scene, the same figures, on any machine.
+# Runs whose cost is counted from their steps, not measured, so that a scene gets the same figures
+# on every machine.
 
 
 INSTANTS, UNSEEN = 4, 5e-4
-"""Instants of a run between two looks at what it has spent, at least, and the counted time that as
-many more of them may be worth [s]: a look takes longer than some steps of one body."""
+"""The cost of a run is checked after this number of instants or this counted time [s], whichever is
+more: a check takes longer than some steps of one body."""
 
 ITERATED = "collocation"
-"""The family of methods that iterate to their stages where bodies are in contact."""
+"""The family of methods that solve their stages by iteration."""
 
 SAMPLING, FEWEST_DEAR = 0.05, 64
-"""Counted time that the samples of a run should cost at most [s], and how many there are at least:
-a sample is a step, and a box at rest on its face, whose run is one step, took 0.2 s for 400."""
+"""Maximum counted time of the samples of a run [s], and their minimum number. A sample costs a
+step: 400 samples of a box at rest, whose run is one step, took 0.2 s."""
 
 
 def affordable_times(compiled: Compiled, options: SimulationOptions) -> Array:
-    """The instants of `sample_times`, evenly fewer where each is dear [s]."""
+    """The instants of `sample_times`, or fewer if samples are expensive [s]."""
     times = sample_times(options)
     one = ADAPTIVE["dopri853"] * seconds_of_evaluation(compiled)
     most = max(FEWEST_DEAR, int(SAMPLING / one))
@@ -299,11 +301,11 @@ def affordable_times(compiled: Compiled, options: SimulationOptions) -> Array:
 
 
 class Runner:
-    """Runs of one compiled scene over one span of time, each setting once from the same start.
+    """Runs one compiled scene under different settings, and keeps the samples and cost of each.
 
-    Their times are counted, work at written prices, unless `wall` is set.
-    compiled: the scene. duration: length of every run [s]. times: instants to compare at [s].
-    look: called now and then during a run; what it raises but SimulationError ends all.
+    Costs are counted (see accuracy/choice) unless `wall` is set. compiled: the scene. duration: of
+    every run [s]. times: instants of the samples [s]. look: called regularly during a run; an
+    exception that it raises, other than SimulationError, passes through.
     """
 
     def __init__(
@@ -320,29 +322,31 @@ class Runner:
         self.runs = 0
         """runs made so far."""
         self.spent = 0.0
-        """Time of all runs so far, compilation left out [s]."""
-        self.limit, self.purse = math.inf, math.inf
-        """Time after which a run is broken off, and that all runs together may take [s]."""
+        """cost of all runs so far without compilation [s]."""
+        self.limit, self.total_limit = math.inf, math.inf
+        """Maximum cost of one run, and of all runs together [s]; a run that exceeds it is stopped.
+        """
         self.wall = math.inf
-        """Measured time after which a run is broken off [s]: too coarse a method may take a block
-        that rocks for one that rattles.  Where it is set, `spent` and `known_cost` are measured."""
+        """Maximum wall-clock time of one run [s]: too coarse a method may find far more events than
+        there are. If it is set, `spent` and `known_cost` are measured as well."""
         self._begun = 0.0
         self._allowed = math.inf
-        self.broken_off = False
-        """whether the last run ended at `limit`, or where the purse was empty."""
+        self.stopped = False
+        """whether the last run was stopped by `limit` or `total_limit`."""
         self._unit = seconds_of_evaluation(compiled)
         self._motions: dict[type, Motion] = {}
         self._costs: dict[Setting, float] = {}
         self._rows: dict[Setting, tuple[Array, int]] = {}
         self._impacts: dict[Setting, Array] = {}
-        self._begun_runs: dict[type, tuple[Setting, Array]] = {}
-        """of each class of methods the run that was broken off last, and its rows so far."""
+        self._stopped_runs: dict[type, tuple[Setting, Array]] = {}
+        """last stopped run of each class of methods, and its rows so far."""
         self._current: tuple[Setting, Motion] | None = None
         self._sharing = overdetermined(compiled) > 0
         self._loses_slips = False
 
     def motion(self, setting: Setting) -> Motion:
-        """The scene under the setting, at its start and compiled; it ends at the limits."""
+        """The motion of the scene under the setting, compiled and at its start; it stops at the
+        limits."""
         method = setting.build(self.duration)
         motion = self._motions.get(type(method))
         if motion is None:
@@ -351,55 +355,56 @@ class Runner:
             self._motions[type(method)] = motion
         motion.method = method
         motion.reset()
-        motion.watch = self._in_time
+        motion.watch = self._check_limits
         self._current, self._begun = (setting, motion), time.perf_counter()
-        self._begun_runs.pop(type(method), None)
+        self._stopped_runs.pop(type(method), None)
         return motion
 
     def sampled(self, setting: Setting, y: Any = None) -> tuple[Array, int]:
-        """(rows at self.times, steps taken), started at the coordinates y if they are given.
+        """(rows at self.times, number of steps) of a run, from the coordinates y if given.
 
-        Rows after the instant where the run could not go on are NaN.  No run goes beyond the limit
-        or the purse, none is begun that has to; of one broken off nothing is known but how far it
-        came.
+        Rows after a failure, or after the limits stopped the run, are NaN. A run that is known to
+        exceed the limits is not begun.
         """
         if y is None and setting in self._rows:
             return self._rows[setting]
-        self.broken_off = self.beyond(setting)
-        if self.broken_off:
+        self.stopped = self.exceeds_limits(setting)
+        if self.stopped:
             self._costs.setdefault(setting, math.inf)
             return np.full((len(self.times), row_width(self.compiled.layout)), np.nan), 0
-        self._allowed = min(self.limit, self.purse - self.spent - self._looking(setting))
+        self._allowed = min(
+            self.limit, self.total_limit - self.spent - self._cost_of_samples(setting)
+        )
         motion = self.motion(setting)
         motion.reset(y)
         rows = np.full((len(self.times), motion.width), np.nan)
         self._carry(motion, rows)
-        if y is None and self.broken_off:
-            self._begun_runs[type(motion.method)] = setting, rows
+        if y is None and self.stopped:
+            self._stopped_runs[type(motion.method)] = setting, rows
         return self._noted(setting, rows, motion.steps, self.spent, kept=y is None)
 
-    def carried_on(self, setting: Setting) -> tuple[Array, int]:
-        """As `sampled`, but a run of this setting that was broken off goes on from there."""
+    def continued(self, setting: Setting) -> tuple[Array, int]:
+        """As `sampled`, but a stopped run of this setting continues where it was stopped."""
         kind = type(setting.build(self.duration))
-        begun = self._begun_runs.pop(kind, None)
+        begun = self._stopped_runs.pop(kind, None)
         if begun is None or begun[0] != setting:
             return self.sampled(setting)
         motion, rows = self._motions[kind], begun[1]
-        self._current, self.broken_off = (setting, motion), False
+        self._current, self.stopped = (setting, motion), False
         before, self._begun = self.spent, time.perf_counter()
         if self.wall == math.inf:
-            before -= self._counted(setting, motion) + self._looking(setting)
-        self._allowed = min(self.limit, self.purse - before - self._looking(setting))
+            before -= self._counted(setting, motion) + self._cost_of_samples(setting)
+        self._allowed = min(self.limit, self.total_limit - before - self._cost_of_samples(setting))
         self._carry(motion, rows, int(np.isfinite(rows).all(axis=1).argmin()))
-        if self.broken_off:
-            self._begun_runs[kind] = setting, rows
+        if self.stopped:
+            self._stopped_runs[kind] = setting, rows
         return self._noted(setting, rows, motion.steps, before, kept=True)
 
     def _carry(self, motion: Motion, rows: Array, done: int = 0) -> None:
-        """Carry the motion from instant to instant as far as it goes; done: rows that are there.
+        """Fill in the rows from number `done` on, as far as the motion goes.
 
-        What was spent is looked at after every few instants, too: two thousand implicit steps of
-        many bodies may take seconds."""
+        The cost is also checked between instants, since two thousand implicit steps of many bodies
+        may take seconds."""
         assert self._current is not None
         one = self._unit * self._evaluations(self._current[0])
         some = max(INSTANTS, int(UNSEEN / one))
@@ -407,22 +412,25 @@ class Runner:
             for first in range(done, len(self.times), some):
                 motion.run_to(self.times[first : first + some], rows[first : first + some])
                 if first + some < len(self.times):
-                    self._in_time()
+                    self._check_limits()
         except SimulationError:
             rows[-1] = np.nan
 
     def _noted(
         self, setting: Setting, rows: Array, steps: int, before: float, kept: bool
     ) -> tuple[Array, int]:
-        """What a run gave and what it was worth; kept: the run is from the scene's own start."""
+        """Keep the result and cost of a run; kept: whether it starts at the scene's own start."""
         self.runs += 1
-        stepping, looking = self._counted(setting, self.motion_of(setting)), self._looking(setting)
+        stepping, looking = (
+            self._counted(setting, self.motion_of(setting)),
+            self._cost_of_samples(setting),
+        )
         if self.wall < math.inf:
             stepping, looking = time.perf_counter() - self._begun, 0.0
         if kept:
             ended = bool(np.isfinite(rows[-1]).all())
             self._costs[setting] = stepping / self.duration if ended else math.inf
-            if not self.broken_off:
+            if not self.stopped:
                 self._rows[setting] = rows, steps
                 events = self.motion_of(setting).events
                 self._impacts[setting] = np.unique([e.t for e in events if any(e.impulse)])
@@ -431,37 +439,41 @@ class Runner:
         return rows, steps
 
     def _see_slips(self, setting: Setting, ended: bool, stuck: bool) -> None:
-        """Note whether an iteration would be lost on the way: where a load is shared, and friction
-        turns a slip ever faster to its end, it has no solution close to there, and looking for one
-        in ever shorter steps took a second and more, which no price of a step tells."""
+        """Note whether methods that iterate would fail on this scene.
+
+        If several contacts share a load and friction turns a slip faster and faster towards its
+        end, the stages have no solution near that end. Such methods then halve their step for a
+        second and more, which their counted cost does not show.
+        """
         if METHODS[setting.name].family == ITERATED:
             self._sharing = self._sharing and not ended
         self._loses_slips = self._sharing and (self._loses_slips or stuck)
 
-    def beyond(self, setting: Setting) -> bool:
-        """Whether a run is known to cost more than the limit or than what is left, before it is
-        begun."""
+    def exceeds_limits(self, setting: Setting) -> bool:
+        """Whether a run not yet begun is known to exceed the limits."""
         iterated = METHODS[setting.name].family == ITERATED
         if iterated and self._loses_slips and self.wall == math.inf:
-            return True  # the wall would break it off
+            return True
         known = 0.0
         if setting.step is not None:
             known = self.duration / setting.step * self._unit * self._evaluations(setting)
-        return known > self.limit or known + self._looking(setting) > self.purse - self.spent
+        return (
+            known > self.limit
+            or known + self._cost_of_samples(setting) > self.total_limit - self.spent
+        )
 
     def known_cost(self, setting: Setting) -> float:
-        """Counted seconds of a whole run, if one was made; 0 if not, or if it did not reach the
-        end."""
-        cost = self._costs.get(setting, 0.0)  # infinite of one that does not come to the end
+        """Cost of a whole run [s]; 0 if none was made, or if it did not reach the end."""
+        cost = self._costs.get(setting, 0.0)  # infinite if the run did not reach the end
         return cost * self.duration if math.isfinite(cost) else 0.0
 
-    def _looking(self, setting: Setting) -> float:
-        """What the samples are worth [s]: one between two steps is a step of its own."""
+    def _cost_of_samples(self, setting: Setting) -> float:
+        """Cost of the samples [s]: each takes a step of its own."""
         return len(self.times) * self._unit * self._evaluations(setting)
 
     def impacts(self, setting: Setting) -> Array:
-        """Times of the impacts of the setting's last run from the scene's own start [s]; none of
-        one that was not made, or whose method knows no events."""
+        """Times of the impacts in the setting's last run from the scene's own start [s]; empty if
+        there is no such run or its method detects no events."""
         return self._impacts.get(setting, np.zeros(0))
 
     def forget(self) -> None:
@@ -469,38 +481,38 @@ class Runner:
         self._rows.clear()
 
     def motion_of(self, setting: Setting) -> Motion:
-        """The motion that ran last, of this setting."""
+        """The motion of the last run, which had this setting."""
         assert self._current is not None and self._current[0] == setting
         return self._current[1]
 
     def cost(self, setting: Setting) -> float:
-        """Counted seconds per simulated second of stepping alone; runs a setting not yet seen."""
+        """Cost of stepping per simulated second, without samples; makes the run if necessary."""
         if setting not in self._costs:
             self.sampled(setting)
         return self._costs[setting]
 
     def _counted(self, setting: Setting, motion: Motion) -> float:
-        """What the steps, and events, of the motion so far are worth [s]."""
+        """Counted time of the motion's steps and events so far [s]."""
         return counted_time(motion, setting, self._unit)
 
     def _evaluations(self, setting: Setting) -> float:
-        """Right sides that a step is worth."""
+        """Cost of a step in evaluations of the right-hand side."""
         return evaluations(setting.name, setting.tolerance, self.compiled)
 
-    def _in_time(self) -> None:
+    def _check_limits(self) -> None:
         self._look()
         assert self._current is not None
         if time.perf_counter() - self._begun > self.wall:
             raise SimulationError(f"stopped after {self.wall:.3g} s")
         if self._counted(*self._current) > self._allowed:
-            self.broken_off = True
+            self.stopped = True
             raise SimulationError(f"stopped after {self._allowed:.3g} counted seconds")
 
     def measured_cost(self, setting: Setting, budget: float = 0.02) -> float:
-        """CPU seconds per simulated second of stepping alone, the best of several runs; infinite
-        if it cannot go on.
+        """Measured CPU time per simulated second, without samples, the least of several runs;
+        infinite if the run fails.
 
-        budget: CPU time to spend on the measurement [s]; one run is made at least.
+        budget: CPU time of the measurement [s]; at least one run is made.
         """
         motion = self.motion(setting)
         self._allowed = math.inf
@@ -515,7 +527,7 @@ class Runner:
             batch = max(1, min(1000, int(EXPENSIVE / max(cpu, 1e-7))))
 
     def _one(self, motion: Motion) -> float:
-        """CPU time of one run without samples [s]; infinite if it cannot go on."""
+        """CPU time of one run without samples [s]; infinite if it fails."""
         motion.reset()
         self._begun, start = time.perf_counter(), time.process_time()
         try:

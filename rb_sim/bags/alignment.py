@@ -88,6 +88,7 @@ class Interpolated:
             raise RbSimError(f"a motion of {count} with increasing times: must be at least {FEW}")
         self.track = track
         self.q = continuous(track.orientation)
+        self._poses = np.hstack([track.position, self.q])
         self._stretches = stretches(track)
         self._first = np.array([track.t[part.start] for part in self._stretches])
         self._last = np.array([track.t[part.stop - 1] for part in self._stretches])
@@ -95,11 +96,8 @@ class Interpolated:
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (n, 3) and quaternion (n, 4) at n times within the track."""
-        same = self.same(t)
-        if same is not None:
-            return self.track.position[same], self.q[same]
-        both = self._along(self._pose, 7, t)
-        return both[:, :3], unit(both[:, 3:])
+        both = self.of(self._poses, t)
+        return both[:, :3], both[:, 3:] if self.same(t) is not None else unit(both[:, 3:])
 
     def uncertainty(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Estimated interpolation error of position [m] and attitude [rad], shape (n,) each.
@@ -112,18 +110,15 @@ class Interpolated:
         if self.same(t) is not None:
             return np.zeros(len(t)), np.zeros(len(t))
         position, orientation = self.at(t)
-        other = self._along(self._curves(np.hstack([self.track.position, self.q]), _next), 7, t)
+        other = self.of(self._poses, t, _next)
         off = norms(other[:, :3] - position), angle_between(unit(other[:, 3:]), orientation)
         free = (self._turn[self._interval(t)] > FAST) & ~self._own(t)
         return self._around(off[0], t), np.where(free, np.pi, self._around(off[1], t))
 
     def uncertainty_of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Estimated error of `of`: norm of each 3 of the k columns, shape (n, k // 3)."""
-        if self.same(t) is not None:
-            return np.zeros((len(t), values.shape[1] // 3))
-        other = self._along(self._curves(values, _next), values.shape[1], t)
-        off = (other - self.of(values, t)).reshape(len(t), -1, 3)
-        return np.stack([self._around(each, t) for each in np.linalg.norm(off, axis=2).T], axis=1)
+        """Estimated error of `of`, as a norm: of vectors (m, 3), shape (n,)."""
+        other = self.of(values, t, _next)
+        return self._around(norms(other - self.of(values, t)), t)
 
     def _around(self, off: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Maximum of `off` over the sample interval and its neighbours; at a sample its own."""
@@ -158,9 +153,9 @@ class Interpolated:
         return np.clip(np.searchsorted(self.track.t, t, side="right") - 1, 0, last)
 
     @cached_property
-    def _pose(self) -> list[Curve]:
+    def _curves_of_poses(self) -> list[Curve]:
         """Splines of position and quaternion, cached for the search of the clocks."""
-        return self._curves(np.hstack([self.track.position, self.q]))
+        return self._curves(self._poses, CubicSpline)
 
     def known(self, t: np.ndarray) -> np.ndarray:
         """Mask of the times within a stretch of at least LEAST samples, or at a sample."""
@@ -173,17 +168,23 @@ class Interpolated:
         k = np.clip(np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), 0, len(self.track.t) - 1)
         return k if np.all(np.abs(self.track.t[k] - t) <= WRITTEN_ROUNDING) else None
 
-    def of(self, values: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def of(
+        self, values: np.ndarray, t: np.ndarray, spline: Callable[..., Curve] = CubicSpline
+    ) -> np.ndarray:
         """Values (m, k) at the track's samples, interpolated at the times t; between two stretches
         the last value before the gap."""
         same = self.same(t)
         if same is not None:
             return values[same]
-        return self._along(self._curves(values), values.shape[1], t)
+        cached = values is self._poses and spline is CubicSpline
+        curves = self._curves_of_poses if cached else self._curves(values, spline)
+        found, of = np.empty((len(t), values.shape[1])), self._stretch(t)
+        within = np.clip(t, self._first[of], self._last[of])
+        for k in np.unique(of).tolist():
+            found[of == k] = curves[k](within[of == k])
+        return found
 
-    def _curves(
-        self, values: np.ndarray, spline: Callable[..., Curve] = CubicSpline
-    ) -> list[Curve]:
+    def _curves(self, values: np.ndarray, spline: Callable[..., Curve]) -> list[Curve]:
         """One interpolating function of time for each stretch."""
         return [
             spline(self.track.t[part], values[part])
@@ -191,13 +192,6 @@ class Interpolated:
             else partial(_standing, values[part])
             for part in self._stretches
         ]
-
-    def _along(self, curves: list[Curve], width: int, t: np.ndarray) -> np.ndarray:
-        found, of = np.empty((len(t), width)), self._stretch(t)
-        within = np.clip(t, self._first[of], self._last[of])
-        for k in np.unique(of).tolist():
-            found[of == k] = curves[k](within[of == k])
-        return found
 
     def _stretch(self, t: np.ndarray) -> np.ndarray:
         """Index of the last stretch that starts at or before each time."""

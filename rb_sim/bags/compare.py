@@ -258,7 +258,7 @@ def _add(
     for quantity, (one, two) in vectors.items():
         if one is not None and two is not None:
             series[quantity] = np.linalg.norm(other.of(two, t) - one[within], axis=1)
-            uncertainties[quantity] = other.uncertainty_of(two, t)[:, 0]
+            uncertainties[quantity] = other.uncertainty_of(two, t)
             scales[quantity] = float(np.linalg.norm(one[within], axis=1).max())
     result.t[key], result.series[key], result.scales[key] = a.t[within], series, scales
     result.uncertainties[key] = uncertainties

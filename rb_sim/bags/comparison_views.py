@@ -257,20 +257,16 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
 
     Raises MissingExtraError without rerun-sdk.
     """
-    rr, rrb = _rerun("an overlay")
-    recording = rr.RecordingStream("rb_sim_compare")
-    recording.save(str(path))
-    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    center, size = _extent(a.bodies[name] for name in found.pairs)
-    origin = local_origin(center, size)
+    rr, rrb, recording = _rerun("an overlay", "rb_sim_compare", path)
+    center, size, origin = _extent(a.bodies[name] for name in found.pairs)
     for name, other in found.pairs.items():
         if name not in found.t:
             continue
-        one, two = _from(origin, a.bodies[name]), _from(origin, _on_clock(b.bodies[other], found))
+        one, two = a.bodies[name], _on_clock(b.bodies[other], found)
         # axes of different length, so that neither hides the other
         for which, track, length in (("A", one, 0.25 * size), ("B", two, 0.2 * size)):
             entity = rr.new_entity_path(["world", which, name])
-            _motion(rr, recording, entity, track, rgb(MOTIONS[which]), length)
+            _motion(rr, recording, entity, track, origin, rgb(MOTIONS[which]), length)
     for name, series in found.series.items():
         for quantity, values in series.items():
             entity = f"apart/{quantity}/{name.replace(' ', '_')}"
@@ -293,15 +289,11 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
     motion_only: show only the 3D view. Frames of a tree of transforms are drawn in its root,
     without static ones. Raises MissingExtraError without rerun-sdk.
     """
-    rr, rrb = _rerun("a recording for Rerun")
-    recording = rr.RecordingStream("rb_sim")
-    recording.save(str(path))
-    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    rr, rrb, recording = _rerun("a recording for Rerun", "rb_sim", path)
     shown = {name: tracks.bodies[name] for name in drawn(tracks)}
     start, end = (float(pick(pick(track.t) for track in shown.values())) for pick in (min, max))
     zero = start if abs(start) > CALENDAR else 0.0
-    center, size = _extent(shown.values())
-    origin = local_origin(center, size)
+    center, size, origin = _extent(shown.values())
     plots: set[str] = set()
 
     def plot(quantity: str, name: str, t: np.ndarray, values: np.ndarray | None) -> None:
@@ -315,9 +307,9 @@ def motion_of(tracks: Tracks, path: Path, *, motion_only: bool = False) -> float
         plots.add(quantity)
 
     for k, (name, track) in enumerate(shown.items()):
-        on_clock = _from(origin, replace(track, t=track.t - zero))
+        on_clock, color = replace(track, t=track.t - zero), rgb(CYCLE[k % len(CYCLE)])
         entity = rr.new_entity_path(["world", name])
-        _motion(rr, recording, entity, on_clock, rgb(CYCLE[k % len(CYCLE)]), FRAME * size)
+        _motion(rr, recording, entity, on_clock, origin, color, FRAME * size)
         plot("position", name, track.t, track.position)
         plot("orientation", name, track.t, track.orientation)
         plot("velocity", name, track.t, track.linear_velocity)
@@ -342,16 +334,16 @@ def drawn(tracks: Tracks) -> list[str]:
     return [name for name in outer if not is_static(name)] or outer
 
 
-def _rerun(what: str) -> tuple[Any, Any]:
+def _rerun(what: str, name: str, path: Path) -> tuple[Any, Any, Any]:
+    """The modules of Rerun, and the recording that `path` receives."""
     try:
-        return import_module("rerun"), import_module("rerun.blueprint")
+        rr, rrb = import_module("rerun"), import_module("rerun.blueprint")
     except ImportError:
         raise MissingExtraError("rerun-sdk", "rerun", what) from None
-
-
-def _from(origin: np.ndarray, track: Track) -> Track:
-    """The track relative to the local origin [m], in single precision still smooth."""
-    return replace(track, position=track.position - origin)
+    recording = rr.RecordingStream(name)
+    recording.save(str(path))
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    return rr, rrb, recording
 
 
 def _view(rrb: Any, name: str, center: np.ndarray, size: float, origin: np.ndarray) -> Any:
@@ -378,11 +370,13 @@ def _end(recording: Any, rrb: Any, layout: Any) -> None:
     recording.disconnect()
 
 
-def _extent(tracks: Iterable[Track]) -> tuple[np.ndarray, float]:
-    """Middle and extent [m] of motions; at least 0.1 m, for bodies that only rotate."""
+def _extent(tracks: Iterable[Track]) -> tuple[np.ndarray, float, np.ndarray]:
+    """Middle and extent [m] of motions, at least 0.1 m, for bodies that only rotate; and the local
+    origin, relative to which single precision is smooth."""
     places = np.concatenate([track.position for track in tracks])
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
-    return (low + high) / 2.0, max(float((high - low).max()), 0.1)
+    center, size = (low + high) / 2.0, max(float((high - low).max()), 0.1)
+    return center, size, local_origin(center, size)
 
 
 def _on_clock(track: Track, found: Differences) -> Track:
@@ -393,8 +387,15 @@ def _on_clock(track: Track, found: Differences) -> Track:
 
 
 def _motion(
-    rr: Any, recording: Any, entity: str, track: Track, color: tuple[int, int, int], length: float
+    rr: Any,
+    recording: Any,
+    entity: str,
+    track: Track,
+    origin: np.ndarray,
+    color: tuple[int, int, int],
+    length: float,
 ) -> None:
+    position = track.position - origin
     recording.log(
         entity,
         rr.Arrows3D(vectors=length * np.eye(3), colors=[color] * 3, radii=0.03 * length),
@@ -402,8 +403,8 @@ def _motion(
         static=True,
     )
     stride = max(1, len(track.t) // TRAIL_POINTS)
-    strips = [track.position[part][::stride] for part in stretches(track)]
+    strips = [position[part][::stride] for part in stretches(track)]
     line = rr.LineStrips3D(strips, colors=[color], radii=0.01 * length)
     recording.log(f"{entity}_trail", line, static=True)
-    columns = rr.Transform3D.columns(translation=track.position, quaternion=track.orientation)
+    columns = rr.Transform3D.columns(translation=position, quaternion=track.orientation)
     recording.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=track.t)], columns)

@@ -15,7 +15,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
-from itertools import chain, groupby
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,6 +24,7 @@ import numpy as np
 from rb_sim.bags.transforms import (
     COLUMNS,
     IMU,
+    JOINT,
     POSE,
     SCALAR,
     TRANSFORMS,
@@ -40,7 +41,7 @@ from rb_sim.base.errors import SinkError
 from rb_sim.base.names import one_of
 from rb_sim.io.bag.batches import Batch, Messages, unpacked
 from rb_sim.io.bag.folder import Scan, bag_paths, scan_of, unlisted
-from rb_sim.io.messages.cdr import HEADER, Codec, Cursor
+from rb_sim.io.messages.cdr import HEADER, JOINT_STATE, Codec, Cursor, schema_text
 
 if TYPE_CHECKING:
     from mcap.records import Channel
@@ -49,50 +50,38 @@ if TYPE_CHECKING:
 # Messages of any ROS 2 bag as arrays, decoded by the schema in the file.
 
 
-# Position of the fields in a message, by the schema in the file that holds it.
+# Fields of a message, by the schema in the file that holds it.
 #
 # A type may differ from the one of that name known here (other release, private copy). Fields that
 # are not needed are skipped; a needed field that is missing or not a double is an error. The format
 # is concatenated ROS 2 .msg files (MCAP "ros2msg"): the type itself, then each type used in it,
-# after a line of = and "MSG: ...".
+# after a line of = and "MSG: ...". Without a schema the type is the one known here.
 
 
 class _Read(NamedTuple):
     """How a message type is read."""
 
     kind: str
-    layout: str
-    """T stamp, S string, n doubles, _n doubles to skip, (...) a sequence. Layouts from schemas
-    (`layout_of`) also skip: s string, -n a number of n bytes, [n a sequence of these."""
     needed: tuple[str, ...]
-    """fields that are read completely, in this order."""
+    """fields that are read completely, in this order: stamps, strings and doubles."""
 
 
 READ = {
-    "geometry_msgs/msg/PoseStamped": _Read(POSE, "T S 7", ("header", "pose")),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _Read(
-        POSE, "T S 7 _36", ("header", "pose.pose")
-    ),
-    "geometry_msgs/msg/Pose": _Read(POSE, "7", ("position", "orientation")),
-    "geometry_msgs/msg/TransformStamped": _Read(
-        POSE, "T S S 7", ("header", "child_frame_id", "transform")
-    ),
-    "tf2_msgs/msg/TFMessage": _Read(POSE, "(T S S 7)", ("transforms",)),
-    "nav_msgs/msg/Odometry": _Read(
-        POSE, "T S S 7 _36 6 _36", ("header", "child_frame_id", "pose.pose", "twist.twist")
-    ),
-    "geometry_msgs/msg/TwistStamped": _Read(TWIST, "T S 6", ("header", "twist")),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": _Read(
-        TWIST, "T S 6 _36", ("header", "twist.twist")
-    ),
-    "geometry_msgs/msg/WrenchStamped": _Read(WRENCH, "T S 6", ("header", "wrench")),
-    "geometry_msgs/msg/Wrench": _Read(WRENCH, "6", ("force", "torque")),
+    "geometry_msgs/msg/PoseStamped": _Read(POSE, ("header", "pose")),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _Read(POSE, ("header", "pose.pose")),
+    "geometry_msgs/msg/Pose": _Read(POSE, ("position", "orientation")),
+    "geometry_msgs/msg/TransformStamped": _Read(POSE, ("header", "child_frame_id", "transform")),
+    "tf2_msgs/msg/TFMessage": _Read(POSE, ("transforms",)),
+    "nav_msgs/msg/Odometry": _Read(POSE, ("header", "child_frame_id", "pose.pose", "twist.twist")),
+    "geometry_msgs/msg/TwistStamped": _Read(TWIST, ("header", "twist")),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": _Read(TWIST, ("header", "twist.twist")),
+    "geometry_msgs/msg/WrenchStamped": _Read(WRENCH, ("header", "wrench")),
+    "geometry_msgs/msg/Wrench": _Read(WRENCH, ("force", "torque")),
     "sensor_msgs/msg/Imu": _Read(
-        IMU,
-        "T S 4 _9 3 _9 3 _9",
-        ("header", "orientation", "angular_velocity", "linear_acceleration"),
+        IMU, ("header", "orientation", "angular_velocity", "linear_acceleration")
     ),
-    "std_msgs/msg/Float64": _Read(SCALAR, "1", ("data",)),
+    "std_msgs/msg/Float64": _Read(SCALAR, ("data",)),
+    JOINT_STATE: _Read(JOINT, ("header", "name", "position")),
 }
 INNER = {"tf2_msgs/msg/TFMessage": "geometry_msgs/msg/TransformStamped"}
 """Types that consist of a sequence of another type."""
@@ -107,32 +96,54 @@ DEEPEST = 16
 """Maximum nesting depth of types."""
 
 
-class _Leaf(NamedTuple):
-    path: str
+class Field(NamedTuple):
+    """Values of one kind in a message; doubles that follow each other are one field."""
+
     kind: str
     """a primitive type, "string" or "time"."""
     count: int
-    """1; length of a fixed array; -1 for a sequence."""
+    """of values; -1 for a sequence."""
+    needed: bool
 
 
 @cache
-def layout_of(ros_type: str, text: str) -> str:
-    """Layout string (see READ) of a message type, from its schema.
+def fields_of(ros_type: str, text: str) -> tuple[Field, ...]:
+    """Fields of a message type in order, or of each part of a type of INNER, from its schema.
 
     Raises ValueError if the schema lacks a needed field or cannot be decoded.
     """
-    types = _types(text)
-    inner = INNER.get(ros_type)
-    if inner is None:
-        return " ".join(_tokens(ros_type, list(_leaves("", "", types, 0))))
-    fields, (sequence,) = types[""], READ[ros_type].needed
-    if len(fields) != 1 or fields[0][1:] != (-1, sequence):
-        raise ValueError(f"its schema of {ros_type} is not a sequence {sequence} alone")
-    return f"({' '.join(_tokens(inner, list(_leaves('', fields[0][0], types, 0))))})"
+    types, inner, needed = _types(text), INNER.get(ros_type), READ[ros_type].needed
+    name = ""
+    if inner is not None:
+        parts = types[""]
+        if len(parts) != 1 or parts[0][1:] != (-1, needed[0]):
+            raise ValueError(f"its schema of {ros_type} is not a sequence {needed[0]} alone")
+        name, needed = parts[0][0], READ[inner].needed
+    several = READ[ros_type].kind == JOINT
+    found: list[Field] = []
+    seen: list[int] = []
+    for path, kind, count in _leaves("", name, types, 0):
+        of = [k for k, p in enumerate(needed) if f"{path}.".startswith(f"{p}.")]
+        seen += of
+        taken = bool(of) and not path.endswith(".seq")  # of headers of ROS 1
+        if kind == "wstring":
+            raise ValueError(f"{path} in its schema is a wstring that is not read over")
+        if taken and (kind not in ("time", "string", "float64") or not (count > 0 or several)):
+            sequence = "[]" * (count < 0)
+            raise ValueError(f"{path} in its schema is {kind}{sequence}, not float64")
+        last = found[-1] if found else Field("", 0, False)
+        if min(count, last.count) > 0 and kind == "float64" and last[::2] == (kind, taken):
+            count += found.pop().count
+        found.append(Field(kind, count, taken))
+    lacks = [path for k, path in enumerate(needed) if k not in seen]
+    if lacks or seen != sorted(seen):
+        what = f"lacks {', '.join(lacks)}" if lacks else "has its fields in another order"
+        raise ValueError(f"its schema of {inner or ros_type} {what}")
+    return tuple(found)
 
 
 def _types(text: str) -> dict[str, list[tuple[str, int, str]]]:
-    """Fields (type, count as in `_Leaf`, name) of each type by short name; "": the main type."""
+    """Fields (type, count, name) of each type by short name; "": the main type."""
     found: dict[str, list[tuple[str, int, str]]] = {}
     for part in _PART.split(text):
         lines = [line.split("#")[0].strip() for line in part.splitlines()]
@@ -154,8 +165,8 @@ def _short(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
-def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
-    """Primitive fields of a type, in order."""
+def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[tuple[str, str, int]]:
+    """(path, kind, count) of the primitive fields of a type, in order."""
     fields = types.get(_short(name))
     if fields is None:  # within a package names may stand without it
         fields = next((v for k, v in types.items() if k.rpartition("/")[2] == name), None)
@@ -164,58 +175,13 @@ def _leaves(path: str, name: str, types: dict, depth: int) -> Iterator[_Leaf]:
     for kind, count, field in fields:
         where = f"{path}.{field}" if path else field
         if kind in TIMES:
-            yield _Leaf(where, "time", count)
+            yield where, "time", count
         elif kind in SIZES or kind in ("string", "wstring"):
-            yield _Leaf(where, kind, count)
+            yield where, kind, count
         elif count == 1:
             yield from _leaves(where, kind, types, depth + 1)
         else:
             raise ValueError(f"its schema has several {kind} in {where}, which are not passed over")
-
-
-def _tokens(ros_type: str, leaves: list[_Leaf]) -> Iterator[str]:
-    """Tokens of the layout string, field by field."""
-    order = {path: k for k, path in enumerate(READ[ros_type].needed)}
-    seen: list[int] = []
-    parts: list[tuple[str, int]] = []
-    for leaf in leaves:
-        needed = next((p for p in order if leaf.path == p or leaf.path.startswith(p + ".")), None)
-        if needed is not None:
-            seen.append(order[needed])
-            if leaf.kind == "time" and leaf.count == 1:
-                parts.append(("T", 1))
-            elif leaf.kind == "string" and leaf.count == 1:
-                parts.append(("S", 1))
-            elif leaf.kind == "float64" and leaf.count > 0:
-                parts.append(("", leaf.count))
-            elif leaf.path.endswith(".seq"):  # of headers of ROS 1
-                parts.append((f"-{SIZES[leaf.kind]}", 1))
-            else:
-                raise ValueError(f"{leaf.path} in its schema is {leaf.kind}, not float64")
-        elif leaf.kind in ("string", "wstring") or leaf.count < 0:
-            if leaf.kind == "wstring" or (leaf.kind == "string" and leaf.count != 1):
-                raise ValueError(
-                    f"{leaf.path} in its schema is a {leaf.kind} that is not read over"
-                )
-            size = SIZES.get(leaf.kind, 8)
-            parts.append(("s" if leaf.kind == "string" else f"[{size}", 1))
-        elif leaf.kind == "float64":
-            parts.append(("_", leaf.count))
-        elif leaf.kind == "time":
-            parts.append(("-4", 2 * leaf.count))
-        else:
-            parts.append((f"-{SIZES[leaf.kind]}", leaf.count))
-    lacks = [path for path, k in order.items() if k not in seen]
-    if lacks or seen != sorted(seen):
-        what = f"lacks {', '.join(lacks)}" if lacks else "has its fields in another order"
-        raise ValueError(f"its schema of {ros_type} {what}")
-    for kind, group in groupby(parts, key=lambda part: part[0]):
-        counts = [count for _, count in group]
-        if kind in ("T", "S", "s") or kind.startswith(("-", "[")):
-            for count in counts:
-                yield from [kind] * count
-        else:
-            yield f"{kind}{sum(counts)}"
 
 
 # Decoding of many messages at once.
@@ -235,20 +201,22 @@ class Group(NamedTuple):
     which: np.ndarray
     """index of each reading's message, shape (n,)."""
     names: tuple[str, ...]
-    """frame_id, and child_frame_id if the type has one."""
+    """frame_id, and child_frame_id if the type has one, or names of joints."""
     stamp: np.ndarray | None
     """[ns], shape (n,); None for a type without a stamp."""
     values: np.ndarray
     """shape (n, m)."""
 
 
-def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) -> Iterator[Group]:
+def decode(
+    ros_type: str, messages: Messages, wrong: Counter[str], fields: tuple[Field, ...]
+) -> Iterator[Group]:
     """Readings in the messages of one topic; undecodable messages are counted in `wrong`."""
     rest = np.arange(len(messages.start))
     while len(rest):
         first = messages.data(int(rest[0]))
         try:
-            fields, fixed = _parse(layout, first, ros_type)
+            parts, fixed = _parse(fields, first, ros_type)
         except ValueError as error:
             wrong[str(error)] += 1
             rest = rest[1:]
@@ -257,14 +225,14 @@ def decode(ros_type: str, messages: Messages, wrong: Counter[str], layout: str) 
         rows = messages.take(same).rows(len(first))
         alike = (rows[:, fixed] == np.frombuffer(first, np.uint8)[fixed]).all(axis=1)
         rows, same = rows[alike], same[alike]
-        for names, codec in fields:
+        for names, codec in parts:
             stamp = codec.unpack_stamps(rows) if codec.stamps else None
             yield Group(same, names, stamp, codec.unpack_rows(rows))
         rest = np.setdiff1d(rest, same, assume_unique=True)
 
 
 def _parse(
-    layout: str, data: bytes, ros_type: str
+    fields: tuple[Field, ...], data: bytes, ros_type: str
 ) -> tuple[list[tuple[tuple[str, ...], Codec]], np.ndarray]:
     """(strings, codec) of each reading in a message, and a mask of the constant bytes."""
     if len(data) < len(HEADER):
@@ -272,33 +240,30 @@ def _parse(
     if data[:2] != HEADER[:2]:
         raise ValueError(f"its encoding {data[:2].hex()} is not CDR, little endian (0001)")
     cursor = Cursor(data, ros_type)
-    if not layout.startswith("("):
-        return [_reading(cursor, data, layout.split())], cursor.fixed
-    count = cursor.count()
+    count = cursor.count() if ros_type in INNER else 1
     if count > _MOST:
         raise ValueError(f"a message with {count} parts is not a {ros_type}")
-    return [_reading(cursor, data, layout[1:-1].split()) for _ in range(count)], cursor.fixed
+    return [_reading(cursor, data, fields) for _ in range(count)], cursor.fixed
 
 
-def _reading(cursor: Cursor, data: bytes, parts: list[str]) -> tuple[tuple[str, ...], Codec]:
+def _reading(
+    cursor: Cursor, data: bytes, fields: tuple[Field, ...]
+) -> tuple[tuple[str, ...], Codec]:
     """Strings of the next reading, and the codec for its stamp and numbers."""
     names: list[str] = []
     stamps: list[int] = []
     runs: list[tuple[int, str, int]] = []
-    for part in parts:
-        if part == "T":
-            stamps.append(cursor.take(4, 8, numbers=True))
-        elif part in ("S", "s"):
-            text = cursor.text("replace")
-            names += [text] if part == "S" else []
-        elif part[0] in "-[":  # messages of one group have sequences of equal length
-            size, count = int(part[1:]), 1 if part[0] == "-" else cursor.count()
-            if count:
-                cursor.take(size, size * count, numbers=True)
-        else:
-            count = int(part.lstrip("_"))
-            at = cursor.take(8, 8 * count, numbers=True)
-            runs += [] if part.startswith("_") else [(at, "d", count)]
+    for kind, length, needed in fields:  # messages of one group have sequences of equal length
+        count = cursor.count() if length < 0 else length
+        if kind == "string":
+            texts = [cursor.text("replace") for _ in range(count)]
+            names += texts if needed else []
+        elif kind == "time":
+            places = [cursor.take(4, 8, numbers=True) for _ in range(count)]
+            stamps += places if needed else []
+        elif count:
+            at = cursor.take(SIZES[kind], SIZES[kind] * count, numbers=True)
+            runs += [(at, "d", count)] if needed else []
     return tuple(names), Codec(data, stamps, runs)
 
 
@@ -351,8 +316,6 @@ UNITS = {1_000: "microseconds", 1_000_000: "milliseconds"}
 """Nanoseconds per unit that `nanosec` may hold."""
 UNSET = 0
 """In place of a unit: the stamps are not set."""
-UNSET_STAMPS = "its stamps are zero: times of the log are taken"
-"""What is said of them."""
 LEAST = 8
 """Minimum number of readings of a source for a decision."""
 NEAR = 4.0
@@ -379,11 +342,14 @@ class Fractions:
             if len(stamp) < LEAST or is_static(source):
                 continue
             self._factor[source] = factor = _factor(stamp, log)
-            if factor == UNSET:
-                self.notes.append(f"{source}: {UNSET_STAMPS}")
-            elif factor > 1:
-                self.notes.append(f"{source}: nanosec of its stamps holds {UNITS[factor]}, by the "
-                                  "times of the log: taken as such")  # fmt: skip
+            if parts[0].kind == JOINT:  # all joints of a message have its stamp
+                source = source.partition(":")[0]
+            what = "its stamps are zero: times of the log are taken"
+            if factor in UNITS:
+                unit = UNITS[factor]
+                what = f"nanosec of its stamps holds {unit}, by the times of the log: taken as such"
+            if factor != 1 and f"{source}: {what}" not in self.notes:
+                self.notes.append(f"{source}: {what}")
 
     def mended(self, piece: Piece) -> Piece:
         """The readings with stamps in nanoseconds."""
@@ -428,7 +394,8 @@ class Readings:
 
     topics: only these; None: all of a known type. frames: frames whose poses are wanted in the root
     of their tree of transforms even if they are fixed to their parent (others are composed if they
-    move). Raises SinkError if the file is not a bag.
+    move). joints: also the positions of joints, each as a source. Raises SinkError if the file is
+    not a bag.
     """
 
     def __init__(
@@ -436,6 +403,8 @@ class Readings:
         bag: Path,
         topics: frozenset[str] | None = None,
         frames: frozenset[str] = frozenset(),
+        *,
+        joints: bool = False,
     ) -> None:
         self.paths = bag_paths(Path(bag))
         self._unlisted = unlisted(Path(bag))
@@ -445,7 +414,7 @@ class Readings:
         """reference frames of those original poses, which are not the root."""
         self.fixed = FixedFrames()
         """the static transforms; known with the first piece."""
-        self._frames = frames
+        self._frames, self._joints = frames, joints
         self._tree: Composed | None = None
         self.bytes = 0
         self.messages = 0
@@ -547,7 +516,7 @@ class Readings:
             if ros_type in READ:
                 self._others.add(topic)
             return
-        if ros_type not in READ:
+        if ros_type not in READ or (ros_type == JOINT_STATE and not self._joints):
             self._unknown[topic] = ros_type or "no type"
             return
         if channel.message_encoding != "cdr":
@@ -555,11 +524,12 @@ class Readings:
             return
         self._counts.setdefault(topic, Counter())
         try:
-            layout = READ[ros_type].layout
+            text = schema_text(ros_type)
             if schema is not None and schema.encoding == "ros2msg" and schema.data.strip():
-                layout = layout_of(ros_type, schema.data.decode("utf-8", "replace"))
+                text = schema.data.decode("utf-8", "replace")
             wrong = self._wrong.setdefault(topic, Counter())
-            for group in decode(ros_type, unpacked(messages), wrong, layout):
+            fields = fields_of(ros_type, text)
+            for group in decode(ros_type, unpacked(messages), wrong, fields):
                 for piece in self._named(channel, ros_type, messages, group):
                     yield group.which, piece
             if wrong.total() > MOST_WRONG:
@@ -574,36 +544,41 @@ class Readings:
         stamp = messages.log_time[group.which] if group.stamp is None else group.stamp
         t = stamp * 1e-9
         values, kind = group.values, READ[ros_type].kind
-        names = [*group.names, "", ""]
-        source = self._sources.name(channel.topic, ros_type, names[0], names[1], channel.id)
         self._read.add(channel.topic)
+        none = np.empty((len(t), 0))
+        if kind == JOINT:
+            frame, *joints = group.names
+            for name, column in zip(joints, values.T, strict=False):
+                source = self._sources.name(channel.topic, ros_type, frame, name, channel.id)
+                yield Piece(source, kind, frame, name, t, log, column[:, None], stamp, none)
+            return
+        frame, child, *_ = [*group.names, "", ""]
+        source, twist = self._sources.name(channel.topic, ros_type, frame, child, channel.id), none
         if ros_type == "nav_msgs/msg/Odometry":
-            twist, values = values[:, 7:13], values[:, :7]
-            yield Piece(f"{source}:twist", TWIST, names[1], names[1], t, log, twist, stamp)
+            values, twist = np.split(values, [7], axis=1)
+            yield Piece(f"{source}:twist", TWIST, child, child, t, log, twist, stamp, none)
+            known = (np.abs(twist) <= HUGE).all(axis=1, keepdims=True)
+            twist = np.where(known, twist, np.nan)
         is_transform = ros_type in TRANSFORMS
-        yield Piece(source, kind, names[0], names[1], t, log, values, stamp, is_transform)
+        yield Piece(source, kind, frame, child, t, log, values, stamp, twist, is_transform)
 
     def _finite(self, piece: Piece) -> Iterator[Piece]:
         """The reading without rows that are not finite, huge, or have a zero quaternion."""
         counts = self._counts.setdefault(piece.source, Counter())
-        good = np.isfinite(piece.values).all(axis=1)
-        if not good.all():
-            counts["readings with NaN or infinity skipped"] += int((~good).sum())
-        beyond = good & (np.abs(piece.values) > HUGE).any(axis=1)
-        if beyond.any():
-            counts[f"readings beyond {HUGE:g} skipped"] += int(beyond.sum())
-            good &= ~beyond
+        size = np.abs(piece.values).max(axis=1)
+        known, good = np.isfinite(size), size <= HUGE
+        found = {
+            "readings with NaN or infinity skipped": ~known,
+            f"readings beyond {HUGE:g} skipped": known & ~good,
+        }
         if piece.kind == POSE:
-            q = piece.values[:, 3:7].copy()
-            q[~good] = 0.0  # avoids overflow of the squares
-            length = np.linalg.norm(q, axis=1)
-            zero = good & (length < UNIT)
-            if zero.any():
-                counts["readings with a quaternion of length 0 skipped"] += int(zero.sum())
+            length = np.linalg.norm(np.where(good[:, None], piece.values[:, 3:7], 0.5), axis=1)
+            zero = length < UNIT
             good &= ~zero
             far = good & (np.abs(length - 1) > UNIT)
-            if far.any():
-                counts["quaternions are not of unit length (taken as a rotation)"] += int(far.sum())
+            found["readings with a quaternion of length 0 skipped"] = zero
+            found["quaternions are not of unit length (taken as a rotation)"] = far
+        counts.update({what: int(which.sum()) for what, which in found.items() if which.any()})
         if good.any():
             yield piece.take(good)
 

@@ -22,17 +22,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.bags.info import forward, joined
-from rb_sim.bags.readings import UNSET_STAMPS, Readings
-from rb_sim.bags.transforms import POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
+from rb_sim.bags.readings import Readings
+from rb_sim.bags.transforms import JOINT, POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
 from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.base.names import MOST_NAMED, first_few, ros_name
 from rb_sim.base.rounding import WRITTEN_ROUNDING, related
-from rb_sim.io.bag.batches import unpacked
-from rb_sim.io.bag.folder import bag_paths, scan_of
 from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.extent import reach_of
-from rb_sim.io.messages import cdr
-from rb_sim.io.messages.cdr import JOINT_STATE
 from rb_sim.io.messages.robot_description import joints_above, slides
 from rb_sim.io.sink import restarts
 from rb_sim.mechanics.samples import ContactEvent, centers_of_mass, concatenate, origins
@@ -59,12 +55,12 @@ class Poses(NamedTuple):
     orientation: Array
 
 
-def joint_poses(bag: Path, scene: Scene) -> tuple[dict[str, Poses], str]:
-    """Poses of bodies determined by joint states, and a line if these match no joint or have no
-    stamps.
+def joint_poses(
+    found: Mapping[str, tuple[Array, Array]], scene: Scene
+) -> tuple[dict[str, Poses], str]:
+    """Poses of bodies determined by joint states, and a line if these match no joint.
 
-    ({}, "") for a bag without joint states."""
-    found, line = _positions(bag)
+    found: times [s] and positions of each joint, by its name in the bag."""
     above = joints_above(scene)
     joints = {ros_name(name): name for name, spec in above.values() if spec.type != "weld"}
     mine = {joints.get(name, name): series for name, series in found.items()}
@@ -79,39 +75,7 @@ def joint_poses(bag: Path, scene: Scene) -> tuple[dict[str, Poses], str]:
         rooted = not chain or chain[0][1].type == "weld" or chain[0][0] in names
         if rooted and wanted and names.issuperset(wanted):
             poses[body] = _placed(body, chain, mine, scene)
-    return {body: placed for body, placed in poses.items() if len(placed.t)}, line
-
-
-def _positions(bag: Path) -> tuple[dict[str, tuple[Array, Array]], str]:
-    """Times [s] and positions of each joint, by its name in the bag, and a line if the times are
-    those of the log because the stamps are zero."""
-    rows: dict[str, list[tuple[float, float, float]]] = {}
-    for path in bag_paths(Path(bag)):
-        scan = scan_of(path)
-        for batch in scan.batches():
-            for number, messages in batch.items():
-                schema = scan.schemas.get(scan.channels[number].schema_id)
-                if schema is None or schema.name != JOINT_STATE:
-                    continue
-                whole = unpacked(messages)
-                for k in range(len(whole.start)):
-                    try:
-                        stamp, names, position = cdr.read_joint_state(whole.data(k))
-                    except ValueError:  # damaged message: skip it
-                        continue
-                    log = float(whole.log_time[k])
-                    for name, value in zip(names, position, strict=False):
-                        rows.setdefault(name, []).append((stamp * 1e-9, log * 1e-9, value))
-    series, unset = {}, []
-    for name, found in rows.items():
-        t, log, value = np.array(found).T
-        if len(t) > 1 and not t.any():
-            t = log
-            unset.append(name)
-        kept = forward(t) & np.isfinite(value)
-        series[name] = t[kept], value[kept]
-    names = first_few(unset)
-    return series, f"joint states of {names}: {UNSET_STAMPS}" if unset else ""
+    return {body: placed for body, placed in poses.items() if len(placed.t)}, ""
 
 
 def _chain(body: str, above: Mapping[str, tuple[str, Any]]) -> list[tuple[str, Any]]:
@@ -366,13 +330,19 @@ def _beside(t: Array, struck: Array) -> tuple[int, ...]:
 
 
 def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
-    readings = Readings(bag)
+    readings = Readings(bag, joints=scene is not None)
     sources: dict[str, list[Piece]] = {}
+    joints: dict[str, list[Piece]] = {}
     for piece in readings.pieces():
         if piece.kind in (POSE, TWIST, WRENCH):
             sources.setdefault(piece.source, []).append(piece)
+        elif piece.kind == JOINT:
+            joints.setdefault(piece.child, []).append(piece)
     bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
-    placed, unmatched = ({}, "") if scene is None else joint_poses(bag, scene)
+    placed, unmatched = {}, ""
+    if scene is not None:
+        moved = {name: _joined(parts) for name, parts in joints.items()}
+        placed, unmatched = joint_poses({n: (t, x[:, 0]) for n, (t, x) in moved.items()}, scene)
     named = {part for name, track in bodies.items() for part in (track.child, *words(name))}
     of_joints = {body: Track(t, p, q) for body, (t, p, q) in placed.items() if body not in named}
     if not (bodies or of_joints):

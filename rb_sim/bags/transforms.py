@@ -19,23 +19,26 @@ import numpy as np
 
 from rb_sim.bags.info import GrowingTime
 from rb_sim.base.names import first_few
+from rb_sim.io.messages.cdr import JOINT_STATE
 from rb_sim.numerics.rotations import angle_between, cross, rotate, unit
 from rb_sim.numerics.rotations import product as turned
 
 # Kinds of readings.
 
 
-POSE, TWIST, WRENCH, IMU, SCALAR = "pose", "twist", "wrench", "imu", "scalar"
+POSE, TWIST, WRENCH, IMU = "pose", "twist", "wrench", "imu"
+SCALAR, JOINT = "scalar", "joint"
 
 
 class Piece(NamedTuple):
     """Consecutive readings of one source, in the order of the file."""
 
     source: str
-    """the topic; TOPIC:CHILD for transforms; TOPIC:twist for the twist of an Odometry; if ambiguous
-    a name made by `Sources`."""
+    """the topic; TOPIC:CHILD for transforms and joints; TOPIC:twist for the twist of an Odometry;
+    if ambiguous a name made by `Sources`."""
     kind: str
-    """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR."""
+    """POSE [position, quaternion], TWIST [v, w], WRENCH [force, torque], IMU [q, w, a], SCALAR,
+    JOINT [rad or m]."""
     frame: str
     child: str
     t: np.ndarray
@@ -46,6 +49,9 @@ class Piece(NamedTuple):
     """shape (n, number of columns of the kind)."""
     stamp: np.ndarray
     """t as integers [ns], exact also since the epoch, shape (n,)."""
+    twist: np.ndarray
+    """of poses whose messages also hold one, in the axes of the child, shape (n, 6), NaN if it is
+    not finite; else (n, 0)."""
     transform: bool = False
     """whether it belongs to a tree of transforms."""
 
@@ -54,7 +60,7 @@ class Piece(NamedTuple):
         return self._replace(**{name: getattr(self, name)[which] for name in COLUMNS})
 
 
-COLUMNS = ("t", "log", "values", "stamp")
+COLUMNS = ("t", "log", "values", "stamp", "twist")
 """Fields of a Piece with a row for each reading."""
 
 
@@ -81,7 +87,7 @@ class Origin(NamedTuple):
 
 
 class Sources:
-    """Assigns a name to each origin: the topic (TOPIC:CHILD for transforms) to the first, for later
+    """Assigns a name to each origin: the topic (TOPIC:CHILD as in Piece) to the first, for later
     ones with the difference in brackets."""
 
     def __init__(self) -> None:
@@ -107,7 +113,7 @@ class Sources:
     def name(self, topic: str, ros_type: str, frame: str, child: str, channel: int = 0) -> str:
         """Name of the source of these readings. Raises ValueError if a topic has too many."""
         origin = Origin(ros_type, frame.removeprefix("/"), child.removeprefix("/"))
-        base = f"{topic}:{child}" if ros_type in TRANSFORMS else topic
+        base = f"{topic}:{child}" if ros_type in (*TRANSFORMS, JOINT_STATE) else topic
         named = self._named.setdefault(base, {})
         if origin not in named:
             count = self._of_topic[topic] = self._of_topic.get(topic, 0) + 1
@@ -178,16 +184,22 @@ def chains(pieces: Iterable[Piece], wanted: frozenset[str]) -> list[Chain]:
     wanted: frames whose poses are composed even if fixed to their parent. Frames with two parents
     or in a cycle are not part of a tree and are excluded.
     """
-    trees: dict[str, Links] = {}
     firsts: dict[str, Piece] = {}
     for piece in pieces:
-        if piece.kind == POSE and piece.source not in firsts:
-            firsts[piece.source] = piece
-            if piece.transform:
-                links = trees.setdefault(namespace(piece.source), {})
-                links.setdefault(plain(piece.child), {})[plain(piece.frame)] = piece.source
+        if piece.kind == POSE:
+            firsts.setdefault(piece.source, piece)
+    trees = _trees(piece for piece in firsts.values() if piece.transform)
     made = [_chain(piece, trees, firsts, wanted) for piece in firsts.values()]
     return [chain for chain in made if chain is not None]
+
+
+def _trees(pieces: Iterable[Piece]) -> dict[str, Links]:
+    """Trees of these transforms, by namespace."""
+    trees: dict[str, Links] = {}
+    for piece in pieces:
+        links = trees.setdefault(namespace(piece.source), {})
+        links.setdefault(plain(piece.child), {})[plain(piece.frame)] = piece.source
+    return trees
 
 
 def plain(frame: str) -> str:
@@ -235,10 +247,11 @@ def _tree_of(piece: Piece, trees: dict[str, Links]) -> Links:
     return known[0] if len(known) == 1 else {}
 
 
-def _way(frame: str, links: Links) -> tuple[tuple[str, ...], str] | None:
-    """Transforms from a frame up to the root, and the root; None if ambiguous."""
+def _way(frame: str, links: Links, ends: Container[str] = ()) -> tuple[tuple[str, ...], str] | None:
+    """Transforms from a frame up to the root, or the first of `ends` above it, and that frame; None
+    if ambiguous."""
     way: list[str] = []
-    while frame in links:
+    while frame in links and not (way and frame in ends):
         parents = links[frame]
         if len(parents) != 1 or len(way) > len(links):
             return None
@@ -379,7 +392,7 @@ class Composed:
         if known.any():
             yield piece.take(known)._replace(
                 source=chain.name, frame=chain.root, child=chain.child, values=pose[known],
-                transform=False,
+                twist=np.empty((int(known.sum()), 0)), transform=False,
             )  # fmt: skip
 
     def _count(self, name: str, known: Array, between: Array) -> None:
@@ -412,7 +425,7 @@ class _History:
     def at(self, t: Array) -> tuple[Array, Array, Array]:
         """Poses (n, 7) at times t; masks of the known and of the interpolated ones."""
         if not len(self._t):
-            return np.tile([0.0] * 6 + [1.0], (len(t), 1)), np.zeros(len(t), bool), t < -np.inf
+            return HERE.repeat(len(t), axis=0), np.zeros(len(t), bool), t < -np.inf
         upper = np.clip(np.searchsorted(self._t, t), 0, len(self._t) - 1)
         lower = np.maximum(upper - 1, 0)
         same = self._t[upper] == t
@@ -459,14 +472,8 @@ def _some(names: list[str]) -> str:
 
 
 Array = np.ndarray
-HERE = np.array([0.0] * 6 + [1.0])
-"""The identity pose."""
-
-
-class _Link(NamedTuple):
-    parent: str
-    pose: Array
-    """of the child in the parent, shape (7,)."""
+HERE = np.array([[0.0] * 6 + [1.0]])
+"""The identity pose, shape (1, 7)."""
 
 
 class FixedFrames:
@@ -474,40 +481,30 @@ class FixedFrames:
     excluded."""
 
     def __init__(self, pieces: Iterable[Piece] = ()) -> None:
-        self._trees: dict[str, dict[str, _Link | None]] = {}
-        for piece in pieces:
-            if piece.kind != POSE or not piece.transform or not is_static(piece.source):
-                continue
-            links = self._trees.setdefault(namespace(piece.source), {})
-            child, pose = plain(piece.child), piece.values[0, :7].copy()
-            pose[3:] /= np.linalg.norm(pose[3:])
-            link = links.setdefault(child, _Link(plain(piece.frame), pose))
-            one = link is not None and link.parent == plain(piece.frame)
-            if not one or not (piece.values == piece.values[0]).all():
-                links[child] = None
+        fixed = [p for p in pieces if p.kind == POSE and p.transform and is_static(p.source)]
+        self._trees = _trees(fixed)
+        self._poses: dict[str, Array] = {}
+        self._changing: set[str] = set()
+        for piece in fixed:
+            first = self._poses.setdefault(piece.source, piece.values[:1])
+            if not (piece.values == first).all():
+                self._changing.add(piece.source)
 
     def carrier(self, frame: str, bodies: Container[str]) -> tuple[str, Array] | None:
         """Nearest ancestor of a frame among `bodies`, and the frame's pose in it, (7,).
 
         None if there is none, or if the trees of several namespaces disagree.
         """
-        found = [way for links in self._trees.values() if (way := _up(frame, links, bodies))]
+        found = []
+        for links in self._trees.values():
+            way, above = _way(plain(frame), links, bodies) or ((), "")
+            if way and above in bodies and not self._changing.intersection(way):
+                pose = HERE
+                for source in way:
+                    pose = product(_unit(self._poses[source]), pose)
+                found.append((above, pose[0]))
         same = all(f == found[0][0] and np.array_equal(p, found[0][1]) for f, p in found)
         return found[0] if found and same else None
-
-
-def _up(
-    frame: str, links: dict[str, _Link | None], bodies: Container[str]
-) -> tuple[str, Array] | None:
-    at, pose = plain(frame), HERE
-    for _ in range(len(links) + 1):  # also ends in a cycle
-        if at in bodies and pose is not HERE:
-            return at, pose
-        link = links.get(at)
-        if link is None:
-            return None
-        at, pose = link.parent, product(link.pose[None], pose[None])[0]
-    return None
 
 
 def carried_over(wrench: Array, pose: Array) -> Array:

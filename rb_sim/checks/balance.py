@@ -9,15 +9,15 @@
 
 """Balances of a run from its samples: energy against work, momentum against impulse.
 
-Both are independent of the integrator: they use only what is logged. Their limit is the quadrature
-over the samples, which is stated with them.
-
-The work of contacts, impacts included, is among the samples; only the other powers are integrated.
-Momentum is not balanced with contacts: their forces jump and strike between samples.
+They use only logged values, independent of the integrator, and are limited by the quadrature over
+the samples, whose uncertainty is given with them. The work of contacts, including impacts, is
+logged; only other powers are integrated. Momentum is not balanced with contacts, whose forces jump
+between samples.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,22 +28,19 @@ from rb_sim.io.contact_power import contacts_of, smooth_power
 from rb_sim.numerics.rotations import cross, norms, rotate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rb_sim.checks.sample_integrals import Flags
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Body, Scene
 
 
-# What happened to the contacts of a run, counted and summed up.
-
-
 FIRST_EVENTS = 10
-"""Events that a summary lists."""
+"""Number of events that a summary lists."""
 
 
 class Events:
-    """What happened to the contacts of a run, in bounded memory."""
+    """Counts and impulses of the contact events of a run, in bounded memory."""
 
     def __init__(self) -> None:
         self._counts: dict[str, int] = {}
@@ -51,7 +48,7 @@ class Events:
         self._impulses: dict[str, Array] = {}
 
     def add(self, events: tuple[ContactEvent, ...]) -> None:
-        """The next events."""
+        """Add events."""
         self._first += events[: FIRST_EVENTS - len(self._first)]
         for event in events:
             self._counts[event.kind] = self._counts.get(event.kind, 0) + 1
@@ -71,14 +68,14 @@ class Events:
         }
 
 
-# What a scene says of its loads before it runs: whether they work, jump or stay unknown.
+# The loads of a scene: which do work, jump, or are not among the samples.
 
 
 def jumps_of_tables(scene: Scene, since: float) -> list[float]:
-    """Instants at which tabulated wrenches jump or bend, increasing [s]; since: where tables begin.
+    """Instants at which tabulated wrenches jump or bend, increasing; since: start of tables [s].
 
-    At the end of a table a sample shows a wrench that acts neither before nor after, so that a
-    second instant follows at once.
+    A sample at the end of a table has a wrench that acts neither before nor after, so that the next
+    double follows as a second instant.
     """
     tables: list[Any] = [getattr(effect, "times", ()) for effect in scene.effects.values()]
     jumps = {since + float(t) for table in tables for t in table}
@@ -86,17 +83,17 @@ def jumps_of_tables(scene: Scene, since: float) -> list[float]:
 
 
 QUIET = ("gravity", "spring", "torsion_spring")
-"""Effects with a potential, but for their damping."""
+"""Effects with a potential, except for their damping."""
 
 
 def may_work(scene: Scene) -> bool:
-    """Whether an effect without potential, or a joint that moves, is in the scene."""
+    """Whether the scene has an effect without potential, or a driven joint."""
     return bool(_effects_at_work(scene)) or _joints_move(scene)
 
 
 def bodies_at_work(scene: Scene, layout: SampleLayout) -> list[int]:
-    """Bodies whose motion tells the power of all loads without a potential: all of them where
-    joints move, since their reactions work as well. Those of contacts are separate."""
+    """Indices of the bodies on which loads without a potential do work, without contacts: all of
+    them with driven joints, whose reactions do work."""
     effects = _effects_at_work(scene)
     acted_on = {getattr(effect, end, None) for effect in effects for end in ("body", "parent")}
     every = _joints_move(scene)
@@ -113,19 +110,27 @@ def _joints_move(scene: Scene) -> bool:
     return any(getattr(spec, "rate", 0.0) for spec in constraints)
 
 
+def contacts_may_give(scene: Scene) -> bool:
+    """Whether contacts may do positive work by their laws: driven or compliant supports."""
+    return any(
+        getattr(spec, "motion", None) or getattr(spec, "compliance", None) or spec.type == "string"
+        for spec in contacts_of(scene).values()
+    )
+
+
 def unknown_force(scene: Scene) -> str:
-    """Name of the first effect that exerts an outer force that the samples do not contain; or
-    ""."""
-    for name, effect in scene.effects.items():
-        kind: str = effect.type  # type: ignore[attr-defined]
-        between_bodies = getattr(effect, "parent", None) is not None
-        steady = kind == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3  # type: ignore[attr-defined]
-        if not (kind in ("gravity", "commanded_wrench") or between_bodies or steady):
-            return name
-    return ""
+    """Name of the first effect with an external force that is not among the samples; or ""."""
+    unknown = (n for n, e in scene.effects.items() if getattr(e, "parent", None) is None)
+    return next((name for name in unknown if not is_known(scene.effects[name])), "")
 
 
-# The energy that a run exchanges, with which the error of its balance is compared.
+def is_known(effect: Any) -> bool:
+    """Whether the wrench of an effect follows from samples and scene."""
+    steady = effect.type == "wrench" and effect.sine_force == effect.sine_torque == (0.0,) * 3
+    return steady or effect.type in ("gravity", "commanded_wrench")
+
+
+# The energy that a run exchanges, which is the scale of its energy error.
 
 
 ROUNDING = 1e-13
@@ -133,32 +138,33 @@ ROUNDING = 1e-13
 
 
 class Exchanged:
-    """Scale of the energies: what the scene started with or has exchanged by right.
+    """Scale of the energy error: initial kinetic energy, largest fall of the potential, and work of
+    loads without a potential. Energy that an error creates is in none of these."""
 
-    The kinetic energy at the start, the fall of the potential from there, and the work of what has
-    none. What an error makes, a spring that gains without end, is in none of the three.
-    """
-
-    def __init__(self, given: float = 0.0) -> None:
-        """given: kinetic energy of the velocities that the scene gives, before constraints take
-        theirs [J]; what is left of them then may be rounding."""
+    def __init__(self, given: float = 0.0, contacts_give: bool = True) -> None:
+        """given: kinetic energy of the scene's velocities before they are projected onto the
+        constraints [J]; the rest after projection may be rounding. contacts_give: whether contacts
+        may do positive work by their laws."""
+        self._contacts_give = contacts_give
         self._given = ROUNDING**2 * given
         self._kinetic = self._fall = self._contacts = self._noise = 0.0
         self._loads = 0.0
-        """weights and reactions times lengths, at the start [J]."""
+        """weights and reactions times lengths at the start [J]."""
         self._potential: float | None = None
 
     def add(self, block: SampleBlock) -> None:
-        """Take the next samples into account."""
+        """Add samples."""
         if self._potential is None:
             self._potential = float(block.potential_energy[0])
             self._kinetic = float(block.kinetic_energy[0])
             self._noise = self._roundings(block)
         self._fall = max(self._fall, self._potential - float(block.potential_energy.min()))
-        self._contacts = max(self._contacts, float(np.abs(block.contact_work).max()))
+        work = block.contact_work
+        exchanged = np.abs(work) if self._contacts_give else -work
+        self._contacts = max(self._contacts, float(exchanged.max()))
 
     def _roundings(self, block: SampleBlock) -> float:
-        """Energy that the loads at the start make of a rounding of the places where they act."""
+        """Energy by which the initial loads change it if their points are rounded [J]."""
         force = float(np.linalg.norm(block.reaction_force[0], axis=1).sum())
         reach = float(np.abs(block.position[0]).max())
         self._loads = abs(float(block.potential_energy[0])) + force * reach
@@ -166,14 +172,13 @@ class Exchanged:
 
     @property
     def at_rest(self) -> float:
-        """Energy that is no error: loads times a billionth of the lengths at which they act, by
-        which solvers and tolerances may leave in doubt where a body at rest is, and what is left of
-        velocities that constraints take [J]."""
+        """Energy below which a difference is no error of a body at rest [J]: loads times SOLVED of
+        the lengths, to which solvers determine positions, and the rest of projected velocities."""
         return self._given + SOLVED * self._loads
 
     def scale(self, work: float) -> float:
-        """[J]; 0 where nothing but rounding has moved. work: its size, of forces without potential
-        [J]."""
+        """The scale [J]; 0 if the motion is only rounding. work: absolute work of loads without a
+        potential [J]."""
         found = self._kinetic + self._fall + work + self._contacts
         return found if found > self._noise else 0.0
 
@@ -183,75 +188,93 @@ def farthest(points: Array) -> float:
     return float(max(points.max(), -points.min()))
 
 
-# What acts from outside, whose impulse momentum is held against.
+# The external wrench, whose impulse is compared with the change of momentum.
+
+
+class Load(NamedTuple):
+    """A wrench on a body, world axes."""
+
+    body: int
+    parent: int | None
+    """the body on which it acts in the opposite direction; None: the world."""
+    force: Array
+    """[N], shape (n, 3) or (3,)."""
+    torque: Array
+    """[N m], about the point."""
+    point: Array
+    """point of application, from the world's origin [m]."""
+
+
+def loads(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Iterator[Load]:
+    """All wrenches in the samples: of reactions, and of effects whose force is known."""
+    index, none = layout.bodies.index, np.zeros(3)
+    for k, name in enumerate(layout.reactions):
+        if "/" in name:
+            continue  # part of a total
+        parent = getattr(scene.constraints[name], "parent", None)
+        parent, body = None if parent is None else index(parent), index(layout.reaction_bodies[k])
+        force, torque = block.reaction_force[:, k], block.reaction_torque[:, k]
+        yield Load(body, parent, force, torque, block.anchor[:, k])
+    effects: list[Any] = [effect for effect in scene.effects.values() if is_known(effect)]
+    for effect in effects:
+        if effect.type == "gravity":
+            for body in map(index, effect.bodies or layout.bodies):
+                weight = scene.bodies[layout.bodies[body]].mass * np.array(effect.acceleration)
+                yield Load(body, None, weight, none, block.position[:, body])
+            continue
+        body, point_B = index(effect.body), np.array(getattr(effect, "point_B", none))
+        if effect.type == "commanded_wrench":
+            force, torque = np.split(block.command[:, layout.commanded.index(effect.body)], 2, 1)
+        else:
+            force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
+            if effect.frame == "body":
+                q = block.orientation[:, body]
+                force, torque = rotate(q, force), rotate(q, torque)
+        yield Load(body, None, force, torque, _point(block, scene, layout, effect.body, point_B))
 
 
 def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
-    """Sum of the outer [force, torque about the world origin], world axes, shape (n, 6)."""
+    """Sum of the external [force, torque about the world origin], world axes, (n, 6)."""
     total = np.zeros((len(block), 6))
-    for k, name in enumerate(layout.reactions):
-        if "/" in name or getattr(scene.constraints[name], "parent", None) is not None:
-            continue  # part of a total, or an inner force
-        put(total, block.reaction_force[:, k], block.reaction_torque[:, k], block.anchor[:, k])
-    for effect in scene.effects.values():
-        kind: str = effect.type  # type: ignore[attr-defined]
-        if kind == "gravity":
-            _put_gravity(total, effect, block, scene, layout)
-        elif kind == "commanded_wrench":
-            command = block.command[:, layout.commanded.index(effect.body)]  # type: ignore[attr-defined]
-            origin = _point(block, scene, layout, effect.body, np.zeros(3))  # type: ignore[attr-defined]
-            put(total, command[:, :3], command[:, 3:], origin)
-        elif kind == "wrench":
-            _put_wrench(total, effect, block, scene, layout)
+    for load in loads(block, scene, layout):
+        if load.parent is None:
+            total[:, :3] += load.force
+            total[:, 3:] += load.torque + cross(load.point, load.force)
     return total
 
 
-def put(total: Array, force: Array, torque: Array, point: Array) -> None:
-    """Add a force at `point` and a free torque, in place; each (n, 3) or (3,)."""
-    total[:, :3] += force
-    total[:, 3:] += torque + cross(point, force)
-
-
-def _put_gravity(
-    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
-) -> None:
-    for body in effect.bodies or layout.bodies:
-        force = scene.bodies[body].mass * np.array(effect.acceleration)
-        total[:, :3] += force
-        total[:, 3:] += cross(block.position[:, layout.bodies.index(body)], force)
-
-
-def _put_wrench(
-    total: Array, effect: Any, block: SampleBlock, scene: Scene, layout: SampleLayout
-) -> None:
-    point = _point(block, scene, layout, effect.body, np.array(effect.point_B))
-    force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
-    if effect.frame == "body":
-        q = block.orientation[:, layout.bodies.index(effect.body)]
-        force, torque = rotate(q, force), rotate(q, torque)
-    put(total, force, torque, point)
+def wrenches_on_bodies(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
+    """Sum of the [force, torque about the centre of mass] on each of N bodies, world axes,
+    shape (n, N, 6)."""
+    total = np.zeros((len(block), len(layout.bodies), 6))
+    for load in loads(block, scene, layout):
+        for i, sign in ((load.body, 1.0), (load.parent, -1.0)):
+            if i is not None:
+                moment = load.torque + cross(load.point - block.position[:, i], load.force)
+                total[:, i] += sign * np.hstack([np.broadcast_to(load.force, moment.shape), moment])
+    return total
 
 
 def _point(
     block: SampleBlock, scene: Scene, layout: SampleLayout, body: str, point_B: Array
 ) -> Array:
-    """A point of the body, given from its origin in body axes, in the world, shape (n, 3)."""
+    """World position of a point given from the body's origin in body axes, (n, 3)."""
     i = layout.bodies.index(body)
     arm = point_B - np.array(scene.bodies[body].center_of_mass)
     return block.position[:, i] + rotate(block.orientation[:, i], np.tile(arm, (len(block), 1)))
 
 
 class Balance(NamedTuple):
-    """What has changed against what was supplied."""
+    """The change of a quantity compared with its supply (work or impulse)."""
 
     error: float
-    """change - supply, which would be zero without error."""
+    """change - supply, zero without error."""
     scale: float
     """that it is compared with; 0 if nothing was exchanged."""
     uncertainty: float
-    """how far the supply may be wrong that is integrated over the samples."""
+    """of the supply, as an integral over the samples."""
     unsure: float
-    """how far the samples are from the change in the intervals that are left out."""
+    """difference between change and supply in the intervals that are left out."""
     known: bool
     """whether the samples resolve most of the motion."""
 
@@ -266,7 +289,7 @@ class Balance(NamedTuple):
 
 
 def _given(body: Body) -> tuple[float, float, float]:
-    """Momentum, angular momentum and kinetic energy of the velocities that the scene gives."""
+    """Momentum, angular momentum and kinetic energy of the initial velocities in the scene."""
     speed, spin = np.linalg.norm(body.linear_velocity), np.array(body.angular_velocity)
     own = body.inertia @ spin
     momentum = float(body.mass * speed)
@@ -275,23 +298,23 @@ def _given(body: Body) -> tuple[float, float, float]:
 
 
 class Account:
-    """What is kept, and what is supplied to it, over samples; memory does not grow.
+    """Change and supply of a conserved quantity over samples, in bounded memory.
 
-    Where the samples do not tell what acted in an interval it is left out: supplied is what has
-    changed there, and in doubt by how far the samples are from it.
+    Intervals that the samples do not resolve are left out: there the supply is set to the change,
+    and its difference from the sampled supply is kept apart.
     """
 
     def __init__(self, columns: int) -> None:
         self._rule = Quadrature(columns)
         self._first, self._unsure = np.zeros((2, columns))
         self._left_out = np.zeros((2, columns))
-        """sum of the changes there, and of their sizes."""
+        """sums of the changes in these intervals, and of their absolute values."""
         self._end: tuple[Array, ...] = ()
-        """time, what is kept and what is supplied at the last sample."""
+        """time, quantity and supply rate at the last sample."""
 
     def add(self, t: Array, kept: Array, supply: Array, left_out: Flags) -> None:
-        """The next samples. t: shape (n,); kept, and its rate as far as it is known, (n, columns);
-        left_out: whether the interval up to each sample is, (n,)."""
+        """Add samples. t: (n,); kept: the quantity, supply: its rate, (n, columns); left_out:
+        whether the interval up to each sample is left out, (n,)."""
         self._rule.add(t, supply, left_out)
         rows = t[:, None], kept, supply
         ends = self._end or tuple(row[:1] for row in rows)
@@ -306,67 +329,68 @@ class Account:
             self._unsure += np.abs(change - trapezoid).sum(axis=0)
 
     def total(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Change less supply, how far the supply may be wrong, by how much the samples are off the
-        change in what is left out, the supply, and the sum of its sizes."""
+        """Change minus supply, uncertainty of the supply, difference in the intervals left out,
+        supply, and its absolute sum."""
         supplied, uncertainty, size = self._rule.total()
         supplied, size = supplied + self._left_out[0], size + self._left_out[1]
         error = self._end[1][0] - self._first - supplied
         return error, uncertainty, self._unsure, supplied, size
 
     def in_stretches(self) -> tuple[Array, Array]:
-        """Change and supply without those of the intervals that are left out."""
+        """Change and supply without the intervals that are left out."""
         error, _, _, supplied, _ = self.total()
         supply = supplied - self._left_out[0]
         return error + supply, supply
 
 
 class Ledger:
-    """Follows the samples of one run.
+    """The energy and momentum balances of one run.
 
     since: stamp at which the scene's own time was zero [s].
 
-    Energy, but for the work of contacts, changes by the power of what has no potential, momentum by
-    the wrench from outside.  Intervals between samples are left out in which a load jumps, or which
-    do not resolve the bodies that tell it: what it does between two samples shows in neither.
+    Energy without the work of contacts changes by the power of loads without a potential, momentum
+    by the external wrench. Intervals are left out in which a load jumps, or which do not resolve
+    the motion of the bodies that the load acts on.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout, since: float = 0.0) -> None:
         self._scene, self._layout = scene, layout
         self.samples = 0
         self.worst_residual = 0.0
-        """of all samples."""
+        """largest residual of all samples."""
         self.unknown_force = unknown_force(scene) or next(iter(contacts_of(scene)), "")
-        """effect whose force the samples do not tell, or contact, for which momentum is not
-        balanced; or ""."""
+        """name of an effect or contact whose impulse is not among the samples, so that momentum is
+        not balanced; or ""."""
         self._may_work = may_work(scene)
         self._at_work = bodies_at_work(scene, layout)
-        """Samples that do not resolve a body on a spring tell the work of a drag on another one all
-        the same."""
+        """bodies that the samples must resolve for the energy balance."""
         self._pushed = not self.unknown_force and bool(scene.effects or scene.constraints)
-        """whether something acts from outside."""
+        """whether there is an external load."""
         self._has_work = False
-        """whether forces without a potential, but for contacts, have done any so far, or may have
-        between two samples."""
+        """whether loads without a potential, other than contacts, may have done work so far."""
         self._jumps = np.array(jumps_of_tables(scene, since))
         """instants after the last sample at which a load jumps or bends."""
         self._events = Events()
         self._work, self._impulse = Account(1), Account(6)
         self._resolution, self._missed = Resolution(), np.zeros(2)
-        """... and how many intervals are not resolved, for energy and for momenta."""
+        """... and the numbers of unresolved intervals, for energy and momenta."""
         self._first: SampleBlock | None = None
         self._last: SampleBlock | None = None
         given = np.array([_given(scene.bodies[name]) for name in layout.bodies])
-        self._energies = Exchanged(float(given[:, 2].sum()))
+        self._contacts_give = contacts_may_give(scene)
+        self._energies = Exchanged(float(given[:, 2].sum()), self._contacts_give)
+        self._least_contact_work, self._gained = math.inf, 0.0
         self._given = given[:, :2].sum(axis=0)
         self._momentum_noise = np.zeros(2)
         self._largest = np.zeros(2)
-        """the largest momentum and angular momentum, and sums of the sizes of each body's own."""
+        """largest momentum and angular momentum, of the total and summed over the bodies."""
         inertias = [scene.bodies[name].inertia for name in layout.bodies]
         self._moments = np.array([np.linalg.norm(inertia, 2) for inertia in inertias])
         self._masses = np.array([scene.bodies[name].mass for name in layout.bodies])
 
     def add(self, block: SampleBlock, breaks: Sequence[float] = ()) -> None:
-        """The next samples. breaks: increasing, where commands change; a sample there is after."""
+        """Add samples. breaks: times at which commands change, increasing [s]; a sample at such a
+        time has the new command."""
         if not len(block):
             return
         self._last = block
@@ -376,9 +400,12 @@ class Ledger:
         self.worst_residual = max(self.worst_residual, block.worst_residual)
         self._energies.add(block)
         self._events.add(block.events)
+        if not self._contacts_give:
+            self._gained = max(self._gained, float(self.gains(block).max()))
+            self._least_contact_work = min(self._least_contact_work, block.contact_work.min())
         power = smooth_power(block, self._scene, self._layout)
         missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
-        # a pulse between two samples, and a body that sticks at each and slips between, show none
+        # samples show no power of a pulse between them, or of a slip that ends before the next one
         hidden = self._may_work and bool(jumped.any())
         self._has_work = self._has_work or hidden or bool(power.any())
         if self._has_work or self._pushed:
@@ -407,9 +434,8 @@ class Ledger:
         return jumped
 
     def _roundings(self, block: SampleBlock) -> Array:
-        """Momentum and angular momentum that cannot be distinguished from the roundings of what
-        adds up to them, each body's own and the impulses of reactions up to the block's end,
-        (2,)."""
+        """Rounding errors of momentum and angular momentum, from their sums over the bodies and
+        from the impulses of reactions up to the block's end, (2,)."""
         assert self._first is not None
         own, reach = norms(block.linear_velocity) * self._masses, farthest(block.position)
         noise = np.array([own.sum(axis=1).max(), (own * norms(block.position)).sum(axis=1).max()])
@@ -417,7 +443,7 @@ class Ledger:
         about = about + norms(block.angular_velocity) * self._moments
         total = norms(block.momentum).max(), norms(block.angular_momentum).max()
         sizes = [noise[0], about.sum(axis=1).max()]
-        # what bodies have of their own counts, too: the total of all may be zero
+        # sums over the bodies count as well, since the total may be zero
         self._largest = np.maximum(self._largest, np.maximum(sizes, total))
         noise += self._given
         if block.reaction_force.shape[1]:
@@ -428,15 +454,27 @@ class Ledger:
 
     @property
     def exchanged(self) -> float:
-        """What an error of the energy is compared with [J]."""
+        """The scale of the energy error [J]."""
         if self._last is None:
             return 0.0
         *_, size = self._work.total()
         return self._energies.scale(float(size[0]))
 
     @property
+    def gained(self) -> float:
+        """Largest energy gained in contacts [J], which by their laws give none; 0 if they may do
+        positive work."""
+        return self._gained
+
+    def gains(self, block: SampleBlock) -> Array:
+        """Energy gained in contacts up to each sample of the block [J], (n,)."""
+        work = block.contact_work
+        gains: Array = work - np.minimum(self._least_contact_work, np.minimum.accumulate(work))
+        return gains
+
+    @property
     def at_rest(self) -> float:
-        """Energy that is no error of what stands still [J]."""
+        """As Exchanged.at_rest [J]."""
         return self._energies.at_rest
 
     @property
@@ -445,7 +483,7 @@ class Ledger:
         return None if self._last is None else float(self._last.t[-1])
 
     def energy(self) -> dict[str, Any] | None:
-        """Energies, work of forces without potential and the balance [J]; None without samples."""
+        """Energies, work of loads without a potential, and balance [J]; None without samples."""
         if self._first is None or self._last is None:
             return None
         work = float(self._work.total()[3][0]) + self._contact_work()
@@ -462,7 +500,7 @@ class Ledger:
         return {key: found[name].as_dict() for key, name in names}
 
     def first_beyond(self, block: SampleBlock, bound: float) -> int:
-        """Index in the block just added at which the energy balance passes `bound`, about."""
+        """Approximate index in the block just added at which the energy balance passes `bound`."""
         energy = self.energy()
         if energy is None:
             return 0
@@ -486,7 +524,7 @@ class Ledger:
         return float(self._last.contact_work[-1] - self._first.contact_work[0])
 
     def balances(self) -> dict[str, Balance]:
-        """Those that are known, by the names of their checks."""
+        """The balances by the names of their checks."""
         if self._last is None:
             return {}
         error, uncertainty, unsure, _, size = (float(row[0]) for row in self._work.total())

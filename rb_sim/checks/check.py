@@ -7,12 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The shape of all accuracy checks: what each is made for, what it is shown, and the bounds that
-follow from how the run was integrated.
+"""The interface of accuracy checks, and the bounds that follow from how the run was integrated.
 
-A check is a function of a Run that gives a function of what is Seen, which yields findings: what it
-measures, its scale and its one bound are in its file, its words in `base.diagnostic.CHECKS`.  One
-line in `check_list.CHECKS` registers it.
+A check is a function that takes a Run and returns a Checker: a function that takes a CheckInput and
+yields findings. Quantity, scale and bound of a check are in its file, its name and meaning in
+`base.errors.CHECKS`. One line in `check_list.CHECKS` registers it.
 """
 
 from __future__ import annotations
@@ -37,49 +36,49 @@ if TYPE_CHECKING:
 
 
 class Run(NamedTuple):
-    """What is checked."""
+    """The run to be checked."""
 
     scene: Scene
     layout: SampleLayout
     compiled: Compiled | None = None
-    """the scene as it is run, which spares compiling a linkage once more to watch its rank."""
+    """the compiled scene of the run; None: checks that need it compile the scene again."""
 
 
-class Seen(NamedTuple):
-    """Of a run, up to the end of the last samples."""
+class CheckInput(NamedTuple):
+    """State of a run at the end of the last samples."""
 
     block: SampleBlock
     """the last samples, at least one."""
     effort: Effort
     ledger: Ledger
-    """balances of all samples."""
+    """balances of all samples so far."""
     samples: int
-    """of the whole run."""
+    """number of samples so far."""
 
 
-Look = Callable[[Seen], Iterable["Finding"]]
-"""Tells what has passed its bound in the last samples; asked until all its names have been
-reported."""
+Checker = Callable[[CheckInput], Iterable["Finding"]]
+"""Yields the quantities that passed their bound in the last samples; called until each of its names
+has been reported."""
 
-Check = tuple[tuple[str, ...], Callable[[Run], Look]]
-"""Names of the findings, and what makes the check of a run."""
+Check = tuple[tuple[str, ...], Callable[[Run], Checker]]
+"""Names of the findings, and the function that makes the Checker of a run."""
 
 
 # A finer fixed step by the order of a method: error ~ step^order.
 
 
 MARGIN = 2.0
-"""Times below its bound that the figure is to come."""
+"""Factor by which an advised step should bring the figure below its bound."""
 
 LARGEST_SHARE = 1.0
-"""A figure above it tells of a motion that is lost, not of how the error grows with the step."""
+"""Largest figure from which a step is extrapolated; above it the error has no order."""
 
 ROUND = (5.0, 2.0, 1.0)
-"""Leading digits of steps that are named."""
+"""Leading digits of advised steps."""
 
 
 def finer_step(step: float, figure: float, bound: float, order: int) -> float:
-    """The step [s] whose figure is MARGIN below its bound, if figure ~ step^order; at most half of
+    """The step [s] that brings the figure to bound / MARGIN if figure ~ step^order; at most half of
     `step`, rounded down to 1, 2 or 5 times a power of ten."""
     known = min(figure, LARGEST_SHARE) if math.isfinite(figure) else LARGEST_SHARE
     ratio = min(1.0, bound / (MARGIN * known)) if known > 0.0 else 1.0
@@ -87,12 +86,12 @@ def finer_step(step: float, figure: float, bound: float, order: int) -> float:
 
 
 def try_step(step: float, alone: bool = False) -> str:
-    """Advice to try a step [s] that has not been tried; alone: no other method takes the scene."""
+    """Advice to try a step [s]; alone: whether no other method can simulate the scene."""
     return f"try step {step:g} s" + ("" if alone else ", or method dopri853 with a tolerance")
 
 
 def steps_alone(simulation: Any) -> bool:
-    """Whether time stepping is the only method that takes the scene."""
+    """Whether time stepping is the only method that can simulate the scene."""
     return simulation.compiled.between is not None
 
 
@@ -103,7 +102,7 @@ def round_down(step: float) -> float:
         rounded = float(f"{digit:.0f}e{power}")
         if rounded <= step:
             return rounded
-    return float(f"5e{power - 1}")  # where the logarithm was rounded up to a power of ten
+    return float(f"5e{power - 1}")  # the logarithm was rounded up to a power of ten
 
 
 def below(step: float) -> float:
@@ -111,21 +110,20 @@ def below(step: float) -> float:
     return round_down(0.5 * step)
 
 
-# What a run may lose before a check speaks: bounds that follow from method and setting.
+# Bounds that follow from the method and its setting.
 
 
 BALANCE_OF_FIRST_ORDER, BALANCE = 2e-2, 1e-3
-"""Relative energy that fixed steps may lose, ten times as much of a momentum: of first order they
-lose a share of h/T of it per period T, and have fifty to the period; of higher order steps that
-follow the motion at all keep three digits."""
+"""Relative energy that fixed steps may lose; a momentum may lose ten times as much. A method of
+order 1 loses about step / period of it per period, with fifty steps to the period; methods of
+higher order keep three digits if they resolve the motion."""
 
 MISSED = 0.1
-"""What all fixed steps may miss of a velocity, or of an attitude [rad]: 0.1 rad of the phase of an
-oscillation."""
+"""Largest sum of the local errors of all fixed steps, relative to the velocity or as an angle
+[rad]: 0.1 rad of the phase of an oscillation."""
 
 LOCAL_TO_GLOBAL = 10.0
-"""Local errors, each within the tolerance, add up over the steps; the motion may magnify the sum by
-about this where it is not chaotic."""
+"""Factor by which a motion that is not chaotic may amplify the sum of the local errors."""
 
 
 class Effort(NamedTuple):
@@ -133,48 +131,48 @@ class Effort(NamedTuple):
 
     method: str
     step: float | None
-    """[s]; None of an adaptive method."""
+    """[s]; None for an adaptive method."""
     tolerance: float | None
     steps: int
     unsolved: int = 0
-    """steps of time stepping whose friction problem was not solved within their bound of work."""
+    """steps of time stepping whose contact problem was not solved to its tolerance."""
     solver_residual: float = 0.0
-    """the worst of those, relative to the largest impulse."""
+    """largest residual of these steps, relative to the largest impulse."""
     circling: int = 0
-    """steps of time stepping too long for a point of contact that runs around its body."""
+    """steps of time stepping in which a contact point ran around its body."""
     paradox: int = 0
     """steps of time stepping with Painleve's paradox."""
     slipping: int = 0
     """steps of time stepping in which a perfectly rough contact slipped."""
     restruck: float = 0.0
-    """energy that time stepping took where contacts bore already and were struck anew [J]."""
+    """energy that time stepping dissipated in impacts of contacts that were closed already [J]."""
     made: float = 0.0
-    """energy that rigid contacts have made under time stepping [J]."""
+    """energy that rigid contacts gained under time stepping [J]."""
     astray: tuple[float, float, str] = (0.0, 0.0, "")
-    """velocity that an impulse of time stepping gave in a direction which its normal had left, over
-    the scene's speed; when [s], and which contact."""
+    """largest velocity by an impulse of time stepping along a normal that turned within the step,
+    relative to the scene's speed; its time [s], and contact."""
     missed: Missed = Missed()
-    """what fixed steps miss of the motion."""
+    """sum of the local errors of fixed steps."""
     left_open: LeftOpen | None = None
-    """the widest choice that the laws of contact left."""
+    """the widest choice that the contact laws left open."""
     between: Between | None = None
-    """gives the motion between two samples; None: nobody does."""
+    """computes the motion between two samples; None if that is not possible."""
     asked: float | None = None
-    """the tolerance that the scene gives, where `auto` chose another one to keep it."""
+    """the scene's tolerance with `method: auto`."""
     kept_to: float = 0.0
-    """the end of the time over which `auto` measured that its choice keeps it [s]."""
+    """time up to which `auto` has measured that its choice keeps this tolerance [s]."""
     alone: bool = False
-    """whether no other method takes the scene."""
+    """whether no other method can simulate the scene."""
 
     @property
     def order(self) -> int:
-        """Of the method; 1 of one that nobody knows."""
+        """Order of the method; 1 if it is not in the registry."""
         entry = METHODS.get(self.method)
         return entry.order if entry else 1
 
     @property
     def balance(self) -> float:
-        """Relative error of a balance above which the motion is not what the setting promises."""
+        """Bound of the relative error of a balance."""
         if self.tolerance is None:
             known = self.method in METHODS
             return BALANCE_OF_FIRST_ORDER if known and self.order == 1 else BALANCE
@@ -183,16 +181,15 @@ class Effort(NamedTuple):
 
     @property
     def outcome_bound(self) -> float:
-        """How far two motions may be apart, relative, that the setting takes for one."""
+        """Relative difference up to which two motions are equal within the setting's accuracy."""
         return BALANCE if self.tolerance is None else self.tolerance
 
     def finer_step(self, figure: float, bound: float) -> float | None:
-        """The step [s] that takes the figure below the bound by the order of the method; None of
-        an adaptive one."""
+        """The step [s] that should bring the figure below the bound; None for adaptive methods."""
         return None if self.step is None else finer_step(self.step, figure, bound, self.order)
 
     def advice(self, finer: float | None) -> str:
-        """What makes the error of the motion smaller. finer: step to try [s], if one is fixed."""
+        """Advice that reduces the error. finer: step to try [s]; None for adaptive methods."""
         if finer is not None:
             return try_step(finer, self.alone)
         return f"try a tolerance below {self.tolerance if self.asked is None else self.asked:g}"

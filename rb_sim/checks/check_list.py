@@ -7,10 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""All accuracy checks of one run: fed with its samples, asked for their findings.
-
-Where the balances of a run pass their bounds: energy against work, momentum against impulse.
-"""
+"""All accuracy checks of one run, and the check of its energy and momentum balances."""
 
 from __future__ import annotations
 
@@ -22,10 +19,10 @@ import numpy as np
 
 from rb_sim.base.errors import Finding, tell
 from rb_sim.checks.balance import Ledger
-from rb_sim.checks.check import Check, Effort, Look, Run, Seen, effort_of
+from rb_sim.checks.check import Check, Checker, CheckInput, Effort, Run, effort_of
 from rb_sim.checks.second_run import BOUND, finding_of, is_decided
 from rb_sim.checks.singular_configuration import rank
-from rb_sim.checks.step_checks import chatter, steps
+from rb_sim.checks.step_checks import MADE, chatter, steps
 from rb_sim.checks.violation import inside, residual
 
 if TYPE_CHECKING:
@@ -38,25 +35,46 @@ if TYPE_CHECKING:
 
 
 UNCERTAINTIES = 10.0
-"""Times the uncertainty of an integral from its samples, that it may be wrong by."""
+"""Factor of the estimated uncertainty of an integral over the samples."""
 
 TIMES = 10.0
-"""Bound of a momentum over that of the energy."""
+"""Bound of the momentum balances relative to that of the energy."""
 
 WHAT = {
     "energy": "energy error relative to the energy exchanged",
+    "gained": "energy gained in contacts relative to the energy exchanged",
     "momentum": "linear momentum error relative to the largest momentum",
     "angular momentum": "angular momentum error relative to the largest momentum",
 }
 
 
-def balances(run: Run) -> Look:
-    """Energy that no work explains, and momentum that no impulse does."""
-    return lambda seen: unbalanced(seen, run.layout)
+def balances(run: Run) -> Checker:
+    """Checks that work explains the change of energy, impulse that of momentum, and that contacts
+    give no energy."""
+
+    def look(seen: CheckInput) -> Iterator[Finding]:
+        yield from unbalanced(seen, run.layout)
+        yield from gained(seen, run.layout)
+
+    return look
 
 
-def unbalanced(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
-    """What is beyond its bound at the end of the block."""
+def gained(seen: CheckInput, layout: SampleLayout) -> Iterator[Finding]:
+    """Energy gained in contacts, which by their laws give none. It is part of their work, so that
+    no balance shows it. Time stepping has a check of its own (`step_checks`)."""
+    block, effort, ledger = seen.block, seen.effort, seen.ledger
+    allowed = MADE * ledger.exchanged + ledger.at_rest
+    if effort.method == "time_stepping" or not ledger.gained > allowed:
+        return
+    i, exchanged = int(ledger.gains(block).argmax()), ledger.exchanged or ledger.at_rest
+    figure = ledger.gained / exchanged if exchanged > 0.0 else np.inf
+    finer = effort.finer_step(figure, MADE)
+    where, advice, t = fastest_body(block, layout, i), effort.advice(finer), float(block.t[i])
+    yield Finding("energy", t, figure, MADE, WHAT["gained"], where, advice, finer)
+
+
+def unbalanced(seen: CheckInput, layout: SampleLayout) -> Iterator[Finding]:
+    """The balances that are beyond their bounds at the end of the block."""
     block, effort, ledger = seen.block, seen.effort, seen.ledger
     for name, balance in ledger.balances().items():
         error, scale = abs(balance.error), balance.scale
@@ -71,15 +89,15 @@ def unbalanced(seen: Seen, layout: SampleLayout) -> Iterator[Finding]:
         if name == "energy":
             lost = np.flatnonzero(~np.isfinite(block.energy))
             i = int(lost[0]) if len(lost) else ledger.first_beyond(block, bound)
-        least = scale or at_rest  # nothing was exchanged where all bodies are exactly at rest
+        least = scale or at_rest  # no energy is exchanged if all bodies are exactly at rest
         figure = error / least if least > 0.0 else np.inf
         finer = effort.finer_step(figure, bound)
-        where, advice = liveliest(block, layout, i), effort.advice(finer)
+        where, advice = fastest_body(block, layout, i), effort.advice(finer)
         yield Finding(name, float(block.t[i]), figure, bound, WHAT[name], where, advice, finer)
 
 
-def liveliest(block: SampleBlock, layout: SampleLayout, i: int) -> str:
-    """The body that moves most at sample i."""
+def fastest_body(block: SampleBlock, layout: SampleLayout, i: int) -> str:
+    """The body with the largest sum of speed [m/s] and angular speed [rad/s] at sample i."""
     speed = np.linalg.norm(block.linear_velocity[i], axis=1)
     spin = np.linalg.norm(block.angular_velocity[i], axis=1)
     moved = np.nan_to_num(speed + spin, nan=np.inf)
@@ -98,8 +116,7 @@ CHECKS: tuple[Check, ...] = (
 
 
 class CheckList:
-    """Checks one run. scene, layout: of the simulation whose samples will come; compiled: the scene
-    as it is run."""
+    """Checks one run. scene, layout: of the simulation; compiled: the compiled scene of the run."""
 
     def __init__(
         self, scene: Scene, layout: SampleLayout, compiled: Compiled | None = None
@@ -109,7 +126,7 @@ class CheckList:
         self._found: dict[str, Finding] = {}
         self._samples = 0
         self._command: tuple[Array, Array] | None = None
-        """of the last sample, and when."""
+        """command and time of the last sample."""
         self._ledger = Ledger(scene, layout)
 
     @property
@@ -119,7 +136,7 @@ class CheckList:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What has passed its bound so far, each check at most once, by time."""
+        """All findings so far by time, each check at most once."""
         singular = self._found.get("singular configuration")
         found = (
             finding if singular is None else beyond(singular, finding)
@@ -129,16 +146,16 @@ class CheckList:
 
     @property
     def singular(self) -> float | None:
-        """When the run has passed a singular configuration [s]; None: never."""
+        """Time at which the run passed a singular configuration [s]; None if it did not."""
         found = self._found.get("singular configuration")
         return None if found is None else found.t
 
     def check(self, error: GlobalError, simulation: Any, exchanged: float = 0.0) -> None:
-        """Report what a second run of the simulation shows, if it is beyond its bound.
+        """Report the global error by a second run of the simulation, if it is beyond its bound.
 
-        One within it decides what the setting seemed to leave open, and says more of the error
-        than balances that are within the same bound: they hang on how well samples resolve loads.
-        exchanged: energy of the second run, which may move most between the samples [J].
+        If it is within, it refutes the findings about the step, and balances whose error is within
+        the same bound: these depend on how well the samples resolve the loads. exchanged: energy of
+        the second run [J], which includes motion between the samples.
         """
         found = finding_of(error, simulation)
         if found is not None:
@@ -152,20 +169,21 @@ class CheckList:
             }
 
     def _small_balances(self, exchanged: float) -> set[str]:
-        """Names of the balances that at the end of the run are within the bound of a second run."""
+        """Names of the balances whose error at the end of the run is within BOUND."""
         found = self._ledger.balances()
         scales = {name: each.scale for name, each in found.items()}
         scales["energy"] = max(scales.get("energy", 0.0), exchanged)
         return {name for name, e in found.items() if 0.0 < abs(e.error) <= BOUND * scales[name]}
 
     def advise(self, advice: str) -> None:
-        """Give this advice with all findings that a finer step may mend."""
+        """Replace the advice of all findings that name a smaller step."""
         for name, finding in self._found.items():
             if finding.finer_step is not None:
                 self._found[name] = finding._replace(advice=advice)
 
     def add(self, block: SampleBlock, effort: Effort | Callable[[], Effort]) -> None:
-        """The next samples. effort: of the run up to their end, or what gives it."""
+        """Check the next samples. effort: of the run up to their end, or a function that returns
+        it."""
         if not len(block):
             return
         effort_now = effort if isinstance(effort, Effort) else effort()
@@ -174,7 +192,7 @@ class CheckList:
             self._look(block, effort_now)
 
     def _changes(self, block: SampleBlock) -> list[float]:
-        """The ends of the intervals between samples in which a command changes."""
+        """Ends of the intervals between samples in which a command changes [s]."""
         if not self._run.layout.commanded:
             return []
         flat, t = block.command.reshape(len(block), -1), block.t
@@ -185,9 +203,9 @@ class CheckList:
         return t[jumps + 1].tolist()
 
     def _look(self, block: SampleBlock, effort: Effort) -> None:
-        """Ask all checks that have not reported yet."""
+        """Call all checks that have not reported yet."""
         self._samples += len(block)
-        seen = Seen(block, effort, self._ledger, self._samples)
+        seen = CheckInput(block, effort, self._ledger, self._samples)
         for names, look in self._checks:
             if not all(name in self._found for name in names):
                 for finding in look(seen):
@@ -199,8 +217,8 @@ OF_TOLERANCE = frozenset({"energy", "momentum", "angular momentum", "global erro
 
 
 def beyond(singular: Finding, finding: Finding) -> Finding:
-    """The finding without the advice of a tighter tolerance, if it comes after a singular
-    configuration: short steps near it make round-off grow."""
+    """The finding without the advice of a tighter tolerance if it comes after a singular
+    configuration, where short steps amplify round-off."""
     if finding.watch not in OF_TOLERANCE or finding.finer_step or finding.t < singular.t:
         return finding
     advice = (
@@ -210,14 +228,11 @@ def beyond(singular: Finding, finding: Finding) -> Finding:
     return finding._replace(advice=advice)
 
 
-# Samples on their way from a simulation to whoever asked for them, looked at by all checks.
-
-
 class CheckedSamples:
-    """Iterates over blocks of samples and keeps what the checks find in them.
+    """Iterates over blocks of samples, and checks them on the way.
 
-    simulation: whose samples they are; its effort is asked for as they come. blocks: of samples in
-    time. From a reset, or a state that was set, on the checks begin anew, for it is another run.
+    simulation: that makes the samples. blocks: of samples by time. After a reset, or after a state
+    was set, the checks begin anew.
     """
 
     def __init__(self, simulation: Any, blocks: Iterable[SampleBlock]) -> None:
@@ -225,7 +240,7 @@ class CheckedSamples:
         self._check_list = self._new()
         self._found: list[Finding] = []
         self._before: tuple[Finding, ...] = ()
-        """of runs before the last reset."""
+        """findings before the last reset."""
 
     def __iter__(self) -> Iterator[SampleBlock]:
         try:
@@ -240,21 +255,21 @@ class CheckedSamples:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What has passed its bound, by time; whole once the blocks have come to their end."""
+        """All findings by time; complete after the last block."""
         return tuple(self._found)
 
     @property
     def singular(self) -> float | None:
-        """When the run has passed a singular configuration [s]; None: never."""
+        """Time at which the run passed a singular configuration [s]; None if it did not."""
         return self._check_list.singular
 
     def check(self, error: GlobalError, exchanged: float) -> None:
-        """Add what the second run shows; as CheckList.check."""
+        """As CheckList.check."""
         self._check_list.check(error, self._simulation, exchanged)
         self._found = [*self._before, *self._check_list.findings]
 
     def warn(self, stacklevel: int = 2) -> None:
-        """Give a Python warning for each finding, at the caller of the function that calls this."""
+        """Issue a Python warning for each finding, at the caller of the calling function."""
         tell((), self._found, stacklevel + 1)
 
     def _new(self) -> CheckList:

@@ -23,34 +23,32 @@ if TYPE_CHECKING:
 Flags = np.ndarray
 """Of truth values."""
 
-# Integrals of sampled functions by the cubics through four neighbours.
+# Integrals of sampled functions by cubics through four neighbours.
 #
-# The integral from a sample to the next is that of the cubic through the two and their neighbours,
-# at the ends of a piece through the four nearest; of fewer samples all make one polynomial.  What
-# leaving out the farthest of these samples changes, interval by interval and added up without
-# signs, is how far the integral may be wrong: errors of two intervals may cancel by chance.
-#
-# An interval that is left out parts two pieces: what happens there, no cubic beside it sees.
+# The integral from one sample to the next is that of the cubic through these two and their
+# neighbours, or through the four nearest samples at the ends of a piece, or of the polynomial
+# through all samples of a shorter piece. The change if the farthest sample is left out, summed over
+# the intervals without signs, is the uncertainty. An interval that is left out separates pieces.
 
 
 NODES = 4
-"""Samples per interpolating cubic: the rule is of order 4 for smooth functions."""
+"""Samples of a cubic: the rule has order 4 for smooth functions."""
 
 GAUSS = 3.0**-0.5
-"""Two points, this far from the middle of an interval of half length 1, integrate a cubic."""
+"""Gauss points of an interval of half length 1 about its middle; two integrate a cubic exactly."""
 
 LONG = 10.0
-"""Times all its neighbours, from which on an interval is a gap: nobody knows what was in it."""
+"""An interval longer than its neighbours by this factor is a gap, in which nothing is known."""
 
 MANY_WAITING = 256
-"""Samples that wait to be integrated together."""
+"""Number of samples that are integrated together."""
 
 
 def integrals(t: Array, f: Array, left_out: Flags | None = None) -> Array:
-    """Integral, how far it may be wrong, and integral of |f| by trapezoids, of each interval,
-    shape (3, n - 1, columns); of those left out the first two are 0.
+    """Integral, its uncertainty, and integral of |f| by trapezoids over each interval, (3, n - 1,
+    columns); the first two are 0 in intervals that are left out.
 
-    t: (n,), increasing; f: (n, columns); left_out: of the interval up to each sample, (n,).
+    t: (n,), increasing; f: (n, columns); left_out: whether the interval up to each sample is, (n,).
     """
     piece = np.cumsum(np.zeros(len(t), dtype=bool) if left_out is None else left_out)
     low, high = np.searchsorted(piece, piece), np.searchsorted(piece, piece, side="right")
@@ -75,8 +73,8 @@ def integrals(t: Array, f: Array, left_out: Flags | None = None) -> Array:
 
 
 def _terms(a: Array, b: Array, x: Array, values: list[Array]) -> list[Array]:
-    """The integrals from a to b (S,) of the terms of Newton's form of the polynomial through
-    values (n, S, columns) at x (n, S), in their order; n at most NODES."""
+    """Integrals from a to b (S,) of the terms of Newton's polynomial through values (n, S, columns)
+    at x (n, S); n at most NODES."""
     middle, half = 0.5 * (a + b), 0.5 * (b - a)
     places = middle - GAUSS * half, middle + GAUSS * half
     terms, products = [], [np.ones_like(middle)] * 2
@@ -89,25 +87,23 @@ def _terms(a: Array, b: Array, x: Array, values: list[Array]) -> list[Array]:
 
 
 class Quadrature:
-    """Integrals of sampled functions over samples that come in pieces; memory does not grow."""
+    """Integrals of sampled functions over samples that arrive in blocks, in bounded memory."""
 
     def __init__(self, columns: int) -> None:
         self._t, self._f = np.zeros(0), np.zeros((0, columns))
-        """the last samples, on which the integral over the last intervals hangs ..."""
+        """the last samples, which the integrals over the last intervals need ..."""
         self._left_out = np.zeros(0, dtype=bool)
         """... and whether the interval up to each is left out."""
         self._open = 0
-        """the first of the intervals between them that more samples may change."""
+        """the first interval between them whose integral later samples may change."""
         self._final, self._last = np.zeros((3, columns)), np.zeros((3, columns))
-        """sums of `integrals` over the intervals before, and from there on."""
+        """sums of `integrals` over the intervals before it, and from it on."""
         self._waiting: list[tuple[Array, Array, Array]] = []
         self._count = 0
 
     def add(self, t: Array, f: Array, left_out: Flags | None = None) -> None:
-        """The next samples. t: shape (n,), increasing, any spacing; f: shape (n, columns).
-
-        left_out: whether the interval up to each of them counts for nothing.
-        """
+        """Add samples. t: (n,), increasing, any spacing; f: (n, columns); left_out: whether the
+        interval up to each sample is left out."""
         none = np.zeros(len(t), dtype=bool)
         self._waiting.append((np.array(t), np.array(f), none if left_out is None else left_out))
         self._count += len(t)
@@ -115,14 +111,14 @@ class Quadrature:
             self._take()
 
     def total(self) -> Array:
-        """Integral, how far it may be wrong, and integral of |f| by trapezoids, from the first to
-        the last sample so far, shape (3, columns)."""
+        """Integral, its uncertainty, and integral of |f| by trapezoids over all samples so far, (3,
+        columns)."""
         if self._waiting:
             self._take()
         return self._final + self._last
 
     def _take(self) -> None:
-        """Integrate over what waits."""
+        """Integrate over the waiting samples."""
         times, values, left_out = zip(*self._waiting, strict=True)
         self._t = t = np.concatenate([self._t, *times])
         self._f = f = np.concatenate([self._f, *values])
@@ -131,7 +127,7 @@ class Quadrature:
         if len(t) < 2:
             return
         found = integrals(t, f, out)[:, self._open :]
-        # final is what lies before the last piece, or has a sample after its cubic
+        # final are intervals before the last piece, and those with a sample after their cubic
         begun = int(np.flatnonzero(out).max(initial=0))
         final = len(t) - 2 if len(t) - begun >= NODES else max(begun - 1, 0)
         self._final = self._final + found[:, : final - self._open].sum(axis=1)
@@ -141,35 +137,30 @@ class Quadrature:
         self._left_out = out[kept:].copy()
 
 
-# Which intervals between samples do not resolve the motion, so that integrals mean nothing there.
-
-
+# Intervals in which the samples do not resolve the motion, so that integrals have no meaning.
+#
+# If they resolve it, a body turns by less than TURN, and its displacement and its rotation about
+# each of its axes agree with its velocities to a fraction:
+#
 #     x(t1) - x(t0) = (t1 - t0) (v(t0) + v(t1)) / 2 + O(dt^3)
+#     2 (q(t0)^-1 q(t1))_xyz = (t1 - t0) (w(t0) + w(t1)) / 2 + O(dt^2)
 #
-# holds to a fraction where they do; a body that turns by much between two samples is not resolved.
-# So does its turn between them about each of its axes, up to what turns about two axes make of each
-# other,
-#
-#     2 (q(t0)^-1 q(t1))_xyz = (t1 - t0) (w(t0) + w(t1)) / 2 + O(dt^2),
-#
-# for a thin rod may swing about its own axis without turning far: the power of a damper there goes
-# to and fro between samples. A drag that takes up a load within an interval shows in the way: its
-# power is that of rest at both ends.
+# Each axis is compared by itself, since a thin rod may oscillate about its own axis while it turns
+# little about the others.
 
 
 PART = 0.2
-"""Share of the way that the trapezoid of the velocities may miss."""
+"""Largest relative difference between displacement and integrated velocity."""
 
 TURN = 0.5
-"""Angle between two samples [rad]."""
+"""Largest rotation between two samples [rad]."""
 
 MOST = 0.1
-"""Share of the intervals that may be unresolved, by impacts and other jumps: of more the rest is
-resolved by chance."""
+"""Largest share of unresolved intervals, e.g. with impacts; above it the integrals are not used."""
 
 
 class Resolution:
-    """Tells the intervals between samples that do not resolve the motion of a body."""
+    """Finds the intervals between samples that do not resolve the motion of a body."""
 
     def __init__(self) -> None:
         self._last: tuple[np.ndarray, ...] | None = None
@@ -189,7 +180,7 @@ class Resolution:
             noise = 1e-12 * np.abs(x[1:]).max(axis=0).max(axis=1)
             miss, way = norms(moved - expected), norms(moved) + norms(expected)
             turn = turned(q[:-1], q[1:], dt[..., None] * w[:-1], dt[..., None] * w[1:])
-            # rounding is no part of what is missed: of what is held at rest it is all of the way
+            # for a body at rest the whole displacement is rounding
             lost = ~(norms(w[1:]) * dt <= TURN) | ~(miss - noise <= PART * way)
             return lost | np.any(~(turn[0] - turn[2] <= PART * turn[1]), axis=2)
 
@@ -197,9 +188,9 @@ class Resolution:
 def turned(
     before: np.ndarray, after: np.ndarray, spin_before: np.ndarray, spin: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """About each axis of each body what the mean of the spins, times the interval [rad], misses of
-    the turn, more than turns about two axes make of each other (Magnus 1954) and a sine of its
-    angle; both sizes, (n, bodies, 3); and what is rounding."""
+    """Difference between the rotation and the mean angular velocity times the interval, about each
+    body axis [rad], beyond the commutator (Magnus 1954) and the sine of the angle; the sum of both
+    sizes, (n, bodies, 3) each; and rounding. spin_before, spin: times the interval [rad]."""
     found = turn_between(before, after)
     expected = 0.5 * (spin_before + spin)
     both = norms(cross(spin_before, spin)) / 6.0 + norms(expected) ** 3 / 12.0

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Singular configurations: constraints that become dependent on the way of a motion."""
+"""Singular configurations: instants at which constraints become dependent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.base.errors import Finding, RbSimError, SimulationError
-from rb_sim.checks.check import Look, Run, Seen
+from rb_sim.checks.check import Checker, CheckInput, Run
 from rb_sim.checks.violation import coordinates
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.graph.machine import evaluate_rows
@@ -37,23 +37,20 @@ if TYPE_CHECKING:
     from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
-# The least number that a law gives, at many instants and states.
-
 
 class LeastOf:
-    """The least number of those that a law gives at many instants, 1 where none is below.
+    """The least result of a law at many instants and states, at most 1.
 
-    What is not finite counts as 1. law: machine code, or a Python function of arrays.
-
-    inputs: p. width: how many numbers it gives. located: whether its last two tell the least of
-    them and which it is.
+    Results that are not finite count as 1. law: machine code, or a Python function of arrays;
+    inputs: p; width: number of its results; located: whether the last two are their minimum and its
+    index.
     """
 
     def __init__(self, law: Any, inputs: Any, width: int, located: bool) -> None:
         self._law, self._inputs, self._width, self._located = law, inputs, width, located
 
     def __call__(self, t: Any, y: Any) -> tuple[Any, Any]:
-        """(the least, which) at every t (n,) with the rows of y (n, N), both contiguous."""
+        """(least result, its index) at every t (n,) with the rows of y (n, N), both contiguous."""
         rows = np.zeros((len(t), self._width))
         evaluate_rows(self._law, t, y, self._inputs, rows)
         rows[~np.isfinite(rows)] = 1.0
@@ -62,58 +59,59 @@ class LeastOf:
         return np.minimum(rows.min(axis=1), 1.0), rows.argmin(axis=1)
 
 
-# Where a figure s >= 0 of the motion passes through zero as |x| does, also between two samples.
+# Zeros of a quantity s >= 0 of the motion that passes through zero as |x| does.
 #
-# Around such a place s makes a V, which may be narrower than what a body turns by between two
-# samples.  States between them are interpolated (cubic Hermite: places and velocities are known at
-# both ends), so that s is looked at wherever the bodies have gone on by GRID, and around each
-# minimum again and again, four times as fine each time.
+# Near a zero s has the shape of a V, which may be narrower than the distance of two samples. States
+# between samples are interpolated (cubic Hermite, since positions and velocities are known at both
+# ends), so that s is evaluated whenever the bodies have moved by GRID, and twice more around each
+# minimum, four times as fine each time.
 
 
 GRID = 0.1
-"""What bodies turn by, or go on by over the scene's length, between two looks at s [rad]."""
+"""Largest rotation [rad], or displacement relative to the scene's length, between two evaluations
+of s."""
 RESOLVED = 0.8
-"""As GRID, between two samples: up to it interpolation is exact to 1e-3; above it states between
-them are those of a motion beside, or samples have to show a V by themselves."""
+"""The same between two samples, up to which interpolation is exact to 1e-3. Above it, states
+between samples are computed by a second motion if possible."""
 MOST_BETWEEN = 1000
-"""States of a motion beside between two samples."""
+"""Maximum number of states of a second motion between two samples."""
 FINER = 2
-"""Times that the surroundings of a minimum are looked at again, last in steps of GRID / 16."""
+"""Number of refinements around a minimum, the last one with steps of GRID / 16."""
 VANISHED = 1e-5
-"""s at or below which it is zero at the place itself."""
+"""Value of s up to which it counts as zero."""
 OPEN = 1.3
-"""Two lowest places of a V over one step of its sides; above, s has a minimum beside zero."""
+"""Sum of the two lowest values of a V, relative to one step of its sides, above which the minimum
+is not a zero."""
 
 Figure = Callable[["Array", "Array"], "tuple[Array, Indices]"]
-"""s, and to which row it belongs, at (t (n,), y (n, 13 N))."""
+"""(s, row of the constraints to which it belongs) at t (n,), y (n, 13 N)."""
 
 
 Between = Callable[[float, "Array", "Array"], "Array | None"]
-"""Rows of the motion at the times (n,) from the state y (13 N,) at t on; None where there is none.
-"""
+"""States of the motion at the times (n,) from the state y (13 N,) at t; None if not available."""
 
 
 class Vanishing(NamedTuple):
-    """Where s passes through zero."""
+    """A zero of s."""
 
     at: float
-    """[s]."""
+    """time [s]."""
     s: float
-    """at the place next to it that was looked at."""
+    """value at the nearest instant evaluated."""
     row: int
     t: Array
-    """the places around it that were looked at [s] ..."""
+    """instants evaluated around it [s] ..."""
     y: Array
-    """... and the states there."""
+    """... and the states at them."""
 
 
 def suspects(s: Array) -> list[int]:
-    """Places at which s is zero, or after which it passes through zero."""
+    """Indices at which s is zero, or after which it passes through zero."""
     return np.flatnonzero(suspected(s)).tolist()
 
 
 def suspected(s: Array) -> np.ndarray:
-    """Whether s (..., n) is zero at a place, or passes through zero after it; shape (..., n)."""
+    """Whether s (..., n) is zero at an index, or passes through zero after it; shape (..., n)."""
     found = s <= VANISHED
     if s.shape[-1] > 3:
         a, b, c, d = s[..., :-3], s[..., 1:-2], s[..., 2:-1], s[..., 3:]
@@ -122,27 +120,24 @@ def suspected(s: Array) -> np.ndarray:
 
 
 class Follower:
-    """Follows s along the samples of a motion."""
+    """Finds zeros of s along the samples of a motion."""
 
     motion: Between | None = None
-    """gives states of the motion itself between two samples."""
+    """computes states between two samples."""
 
     def __init__(self, figure: Figure, length: float) -> None:
         self._look, self._length = figure, length
         self._fastest = 0.0
-        """rate at which bodies turned, or went on over the scene's length, so far [1/s]."""
+        """largest rate of rotation, or speed over the scene's length, so far [1/s]."""
         self._t, self._y, self._s = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
-        """the last places that were looked at closely ..."""
+        """the last instants evaluated ..."""
         self._way = np.zeros(0)
-        """... and the ways between them."""
+        """... and the motion between them."""
         self._sample = np.zeros(0), np.zeros((0, 0))
-        """the last one."""
+        """the last sample."""
 
     def add(self, t: Array, y: Array) -> Vanishing | None:
-        """The next samples, and states between them, after what was looked at before.
-
-        Returns the first place where s passes through zero, if there is one.
-        """
+        """Add samples; returns the first zero of s up to their end, if there is one."""
         before, states = self._sample
         if len(before):
             t, y = np.append(before, t), np.append(states, y, 0)
@@ -154,8 +149,8 @@ class Follower:
         return None
 
     def _resolved(self, t: Array, y: Array) -> Iterator[tuple[Array, Array]]:
-        """The samples, each two with states of the motion between them where bodies turn by more
-        than RESOLVED, or would at the greatest speed so far: samples far apart show neither."""
+        """The samples, with states of the motion between two of them if bodies move by more than
+        RESOLVED, or could at the largest speed so far, which samples far apart do not show."""
         self._fastest = max(self._fastest, float(self._rates(y).max()))
         ways = np.maximum(self._ways(t, y), self._fastest * np.diff(t))
         if self.motion is None or not (ways > RESOLVED).any():
@@ -176,7 +171,7 @@ class Follower:
             yield times, states
 
     def _follow(self, t: Array, y: Array) -> Vanishing | None:
-        """As `add`, of samples or of states of the motion, the first of which is that before."""
+        """As `add`, for samples or states between them; the first one is the previous one."""
         times, states, ways = self._filled(t, y)
         s, _ = self._look(times, states)
         if len(self._t):
@@ -186,7 +181,7 @@ class Follower:
         return self._first(times, states, s, ways)
 
     def _filled(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
-        """The samples and states between them, and the way from each of these to the next."""
+        """The samples with interpolated states, and the motion from each to the next."""
         ways = self._ways(t, y)
         parts = parts_of(ways)
         if len(t) < 2 or parts.max() == 1:
@@ -200,21 +195,20 @@ class Follower:
         return times, states, np.repeat(ways / parts, parts)
 
     def _ways(self, t: Array, y: Array) -> Array:
-        """What bodies turn by, or go on by over the scene's length, from each place to the next."""
+        """Largest rotation, or displacement over the scene's length, between successive states."""
         p, fastest = _beside_middle(y.reshape(len(y), -1, WIDTH)[..., :3]), self._rates(y)
         jumped = np.abs(np.diff(p, axis=0)).max(axis=(1, 2)) / self._length
         return np.maximum(np.maximum(fastest[1:], fastest[:-1]) * np.diff(t), jumped)
 
     def _rates(self, y: Array) -> Array:
-        """The greatest rate at which a body turns, or goes on over the scene's length [1/s]."""
+        """Largest rate of rotation of a body, or speed over the scene's length [1/s]."""
         bodies = y.reshape(len(y), -1, WIDTH)
         v, w = _beside_middle(bodies[..., 7:10]), bodies[..., 10:13]
         turns, goes = (np.einsum("nbi,nbi->nb", x, x).max(axis=1) for x in (w, v))
         return np.sqrt(np.maximum(turns, goes / self._length**2))
 
     def _first(self, t: Array, y: Array, s: Array, ways: Array) -> Vanishing | None:
-        """The first of the places where s passes through zero. ways: from each place to the
-        next."""
+        """The first zero of s. ways: motion from each state to the next."""
         inner = s[1:-1]
         low = np.flatnonzero((inner < s[:-2]) & (inner <= s[2:])) + 1
         fine = low[np.maximum(ways[low - 1], ways[low]) <= RESOLVED]
@@ -226,7 +220,7 @@ class Follower:
         return min(places, key=lambda place: place.at, default=None)
 
     def _around(self, t: Array, y: Array, low: Indices) -> list[Vanishing]:
-        """The first place beside the minima at `low` where s passes through zero."""
+        """The first zero of s near the minima at `low`."""
         if not len(low):
             return []
         here = t[low[:, None] + [-1, 0, 1]]
@@ -244,7 +238,7 @@ class Follower:
         return []
 
     def _located(self, t: Array, y: Array, s: Array, k: int) -> Vanishing:
-        """The place k, or one after it."""
+        """The zero at index k, or after it."""
         near, at = k, float(t[k])
         if s[k] > VANISHED:
             b, c = s[k], s[k + 1]
@@ -256,17 +250,17 @@ class Follower:
 
 
 def _beside_middle(x: Array) -> Array:
-    """Vectors (n, N, 3) less their mean over the bodies; that of one body alone."""
+    """Vectors (n, N, 3) minus their mean over the bodies; unchanged for one body."""
     return x - x.sum(axis=1, keepdims=True) / x.shape[1] if x.shape[1] > 1 else x
 
 
 def parts_of(ways: Array) -> Indices:
-    """Into how many parts the way from each sample to the next is to be taken."""
+    """Number of parts into which the motion from each sample to the next is divided."""
     return np.where(ways <= RESOLVED, np.ceil(ways / GRID), 1.0).astype(int).clip(1)
 
 
 def between(t: Array, y: Array, k: Indices, share: Array) -> tuple[Array, Array]:
-    """(times, states) by so much of the way from place k of (t, y) to the next (cubic Hermite)."""
+    """(times, states) at the fraction `share` between index k of (t, y) and the next (Hermite)."""
     bodies = y.reshape(len(y), -1, WIDTH)
     one, two, x = bodies[k], bodies[k + 1], share[:, None, None]
     span = (t[k + 1] - t[k])[:, None, None]
@@ -290,25 +284,20 @@ def _quaternion_rate(q: Array, bodies: Array) -> Array:
     return np.stack(quaternion_rate(*parts), axis=-1)
 
 
-# Whether constraints become dependent during a run: a singular configuration.
+# Singular configurations during a run.
 #
-# Let s be the root of the least pivot of A = G M^-1 G^T relative to its diagonal element, over the
-# rows that were independent at the start.  Where the rows lose rank s passes through zero as |x|
-# does, so that around a singular configuration the samples of s make a V whose two lowest add up to
-# one step of its sides.  The motion beyond it is not unique.
+# Let s be the square root of the smallest pivot of A = G M^-1 G^T relative to its diagonal element,
+# over the rows that are independent at the start. If the rows lose rank, s passes through zero as
+# |x| does, and the motion beyond is not unique.
 #
-# Where rows depend on each other for good some are left out, in loops those that are chosen after
-# each step: s is of the best choice, then.  Where the choice is that of the start (long loops),
-# those that are kept may lose rank on the way although all together do not: the laws decide, but
-# the choice is a bad one there and the motion loses digits.  The two are distinguished by the
-# eigenvalues of A over all rows.
-#
-# States between samples are looked at, too (see above), where bodies turn by much from one to
-# the next.
+# Permanently dependent rows are left out; in closed chains they are chosen after each step, and s
+# is that of the best choice. In long chains the choice of the start is kept, and the rows that are
+# kept may lose rank although all rows together do not. The motion is then unique, but loses digits.
+# The eigenvalues of A over all rows distinguish the two cases.
 
 
 MOST_ROWS = 120
-"""Rows up to which a scene is checked: the law that tells s is traced as a whole."""
+"""Maximum number of rows of a scene that is checked, since the law of s is traced as a whole."""
 
 UNDECIDED = (
     "the motion beyond is not unique; end the run before, or change lengths or drives to avoid it"
@@ -316,18 +305,18 @@ UNDECIDED = (
 
 
 class SingularConfiguration(NamedTuple):
-    """Where rows came to depend on each other."""
+    """A singular configuration."""
 
     t: float
     least: float
-    """s at the sample next to it."""
+    """s at the nearest instant evaluated."""
     constraint: str
     too_many: bool = False
-    """whether it is not all rows that lose rank, but those that were kept of too many."""
+    """whether only the rows that are kept lose rank, not all rows."""
 
     @property
     def finding(self) -> Finding:
-        """The finding that tells of it."""
+        """The finding that reports it."""
         advice = UNDECIDED
         if self.too_many:
             advice = (
@@ -339,20 +328,20 @@ class SingularConfiguration(NamedTuple):
 
     @property
     def refusal(self) -> str:
-        """What a run that ends there says."""
+        """The error of a run that ends there."""
         return (
             f"singular configuration at t = {self.t:.4g} s: constraint {self.constraint!r} loses "
             f"rank, and {UNDECIDED}"
         )
 
 
-def rank(run: Run) -> Look:
-    """The first singular configuration."""
+def rank(run: Run) -> Checker:
+    """Checks that the constraints keep their rank."""
     followed: Conditioning | None = None
 
-    def look(seen: Seen) -> Iterator[Finding]:
+    def look(seen: CheckInput) -> Iterator[Finding]:
         nonlocal followed
-        if followed is None:  # its laws are made where samples come
+        if followed is None:  # its laws are compiled with the first samples
             followed = Conditioning(*run)
         followed.add(seen.block, seen.effort.between)
         if followed.found is not None:
@@ -362,9 +351,10 @@ def rank(run: Run) -> Look:
 
 
 class Conditioning:
-    """Follows s over the samples of a run; `found`: its first singular configuration, or None.
+    """Finds the first singular configuration in the samples of a run (`found`).
 
-    compiled: the scene as it is run; None, or one in reduced coordinates, has it compiled anew.
+    compiled: the compiled scene of the run; it is compiled again if this is None or in reduced
+    coordinates.
     """
 
     def __init__(
@@ -373,14 +363,14 @@ class Conditioning:
         self.found: SingularConfiguration | None = None
         self._layout, self._scene = layout, scene
         self._checked_rows: list[int] = []
-        """rows of which s tells."""
+        """rows that s refers to."""
         self._kept_rows: list[int] = []
         self._laws: list[LeastOf] = []
         if not layout.contacts and has_loops(scene):
             self._make(scene, compiled)
 
     def _make(self, scene: Scene, compiled: Compiled | None) -> None:
-        """Make the laws of the shares of the pivots, where they can be made and are not long."""
+        """Compile the laws of the pivots, unless the scene does not allow it or has many rows."""
         if compiled is None or compiled.reduced:
             try:
                 compiled = compile_motion(scene.with_options(project_initial=True), "maximal")
@@ -403,11 +393,11 @@ class Conditioning:
 
     @property
     def is_needed(self) -> bool:
-        """Whether there is something to look at, and nothing has been found."""
+        """Whether the scene has rows to check, and nothing has been found."""
         return bool(self._laws) and self.found is None
 
     def add(self, block: SampleBlock, between: Between | None = None) -> None:
-        """The next samples. between: gives the motion between them."""
+        """Add samples. between: computes states between them."""
         if not self.is_needed or not len(block):
             return
         self._follower.motion = between
@@ -424,11 +414,11 @@ class Conditioning:
         return owners[part_of(self._system, row)]
 
     def located(self, t: float, least: float, row: int) -> SingularConfiguration:
-        """The singular configuration at t where s of this row comes to zero."""
+        """The singular configuration at t at which s of this row is zero."""
         return SingularConfiguration(t, least, self._owner(self._checked_rows[row]))
 
     def shares(self, t: Array, y: Array) -> tuple[Array, Indices]:
-        """s and the row to which it belongs at every sample; 1 where it is no number."""
+        """s, and the row to which it belongs, at every sample; 1 if it is not finite."""
         y, t = np.ascontiguousarray(y), np.ascontiguousarray(t)
         least, row = self._laws[0](t, y)
         if len(self._laws) > 1:
@@ -440,7 +430,7 @@ class Conditioning:
         return np.sqrt(np.maximum(least, 0.0)), row
 
     def _others_hold(self, place: Vanishing) -> bool:
-        """True where rows were left out and all together keep their rank around the place."""
+        """Whether rows were left out, and all rows together keep their rank near the zero."""
         rank = self._rank
         if rank == len(self._system.row_table) or len(place.t) < 4:
             return False
@@ -451,8 +441,8 @@ class Conditioning:
 
 
 def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
-    """The root of the eigenvalue of A, scaled to a diagonal of ones, that is the least of the
-    `rank` largest; nan where A is not finite."""
+    """Square root of the eigenvalue number `rank`, by falling size, of A scaled to a diagonal of
+    ones; nan if A is not finite."""
     matrix = rows_matrix(system, t, y)
     sizes = np.sqrt(np.diag(matrix))
     scaled = matrix / np.outer(sizes, sizes)
@@ -462,7 +452,7 @@ def least_kept(system: Any, t: float, y: Array, rank: int) -> float:
 
 
 def has_loops(scene: Scene) -> bool:
-    """True unless the joints hang together as trees, whose rows cannot lose rank."""
+    """Whether the joints form a closed chain; rows of trees cannot lose rank."""
     group: dict[str | None, str | None] = {}
 
     def root(name: str | None) -> str | None:
@@ -478,18 +468,17 @@ def has_loops(scene: Scene) -> bool:
     return False
 
 
-# How a motion goes on from where it is, by another one beside it.
+# The motion between two samples, by a second motion from the first one.
 
 
 MOST_LOOKS = 100
-"""Pieces of the comparison motion between two samples; it would take too long."""
+"""Maximum number of pieces of the second motion between two samples."""
 
 
 def rows_between(run: Motion, t: float, y: Array, times: Array) -> Array | None:
-    """Coordinates (n, 13 N) at the times of a motion like `run` from its state y at t on.
+    """Coordinates (n, 13 N) at the times, of a motion like `run` from its state y at t.
 
-    None where the motion does not come so far or takes too long, with contacts, whose modes it
-    would have to choose anew, and where its coordinates are others.
+    None if that fails or takes too long, with contacts, or in reduced coordinates.
     """
     if run.compiled.reduced:
         return None
@@ -498,7 +487,7 @@ def rows_between(run: Motion, t: float, y: Array, times: Array) -> Array | None:
 
 
 def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array:
-    """Rows at the times of a motion like `run` from its state y at t on, as far as it comes."""
+    """Rows at the times of a motion like `run` from its state y at t, as far as it comes."""
     beside, looks = motion_of(run.compiled, run.method), 0
 
     def look() -> None:
@@ -521,23 +510,22 @@ def _rows_from(run: Motion, t: float, y: Any, times: Array) -> Array:
     return out
 
 
-# Whether a motion that cannot go on has come to a singular configuration, which no step mends.
+# Runs that fail at a singular configuration, which no step avoids.
 #
-# There s of `singular_configuration` falls to zero: as |x| where the motion passes a change point,
-# as the root of x where a drive comes to the end of its way.  The last states tell
-# which of the two, and where.
+# There s falls to zero: as |x| if the motion passes a change point, as the square root of x if a
+# drive reaches the end of its range. The last states determine which, and the time of the zero.
 
 
 LAST, BETWEEN = 4, 8
-"""Samples, and states between the last of them and the end of the last step, that are looked at,
-and others that are each half as far from the end as the one before, down to a step and below."""
+"""Number of last samples that are used, and of states between the last one and the end of the last
+step; further states follow, each half as far from the end as the one before."""
 
 STEPS = 2.0
-"""Steps after the last state in which s has to come to zero, fixed ones, or of those states."""
+"""Number of steps after the last state within which s must become zero."""
 
 
 def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguration | None:
-    """The singular configuration at which the run of a Simulation has failed, if it is one.
+    """The singular configuration at which the run of a Simulation failed; None for another failure.
 
     t, rows: its last samples.
     """
@@ -562,7 +550,8 @@ def singular_end(simulation: Any, t: Array, rows: Array) -> SingularConfiguratio
 
 
 def zero_of(t: Array, s: Array, until: float) -> float | None:
-    """Where s (n,), falling over three of the times in turn, comes to zero not after `until`."""
+    """Time at which s (n,), falling over three successive times, becomes zero; None if after
+    `until`."""
     for k in range(len(t) - 3, -1, -1):
         (a, b, c), times = s[k : k + 3], t[k : k + 3]
         if not (a > b > c and np.isfinite(a)):
@@ -575,8 +564,8 @@ def zero_of(t: Array, s: Array, until: float) -> float | None:
 
 
 def _line(t: Array, x: Array) -> tuple[float, float]:
-    """By how much the third place is off the line through the other two, over what it falls; where
-    the line through the last two is zero."""
+    """(distance of the third value from the line through the first two, relative to its fall; zero
+    of the line through the last two)."""
     slope, last = np.diff(x) / np.diff(t)
     off = abs(last - slope) / abs(last)
     return float(off), float(t[2] - x[2] / last)

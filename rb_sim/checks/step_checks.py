@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The checks of what the steps of a run show: local errors, contacts, chatter."""
+"""Checks of the steps of a run: local errors, rotation per step, contacts, chatter."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.checks.check import (
     LARGEST_SHARE,
     MISSED,
-    Look,
+    Checker,
+    CheckInput,
     Run,
-    Seen,
     below,
     round_down,
 )
@@ -36,28 +36,28 @@ if TYPE_CHECKING:
     from rb_sim.mechanics.samples import SampleBlock
 
 RESTRUCK = 2e-2
-"""Share of the energy exchanged that contacts may take which bear already; it is of first order."""
+"""Largest energy that closed contacts may lose in impacts, relative to the energy exchanged."""
 
 MADE = 1e-2
-"""Share of the energy exchanged that rigid contacts may make, which take some or none by their
-laws: at most 1e-3 in steps that follow the motion of single bodies, 5e-3 in heaps."""
+"""Largest energy that rigid contacts may gain, relative to the energy exchanged. By their laws they
+gain none; steps that resolve the motion gain up to 1e-3 for single bodies, 5e-3 in heaps."""
 
 ASTRAY = 5e-2
-"""Speed, over the scene's, that an impulse of time stepping may give in a direction which its
-normal has left by the end of the step: what is wrong of the velocity is up to twice as much."""
+"""Largest speed by an impulse of time stepping along a normal that turned within the step, relative
+to the scene's speed; the error of the velocity is up to twice as much."""
 
 
 MOST_TURN = np.pi
-"""Rotation in one fixed step [rad] above which a turn is not told from the opposite one."""
+"""Rotation in one fixed step [rad] above which its direction is not known."""
 
 ADVISED_TURN = 0.5
 """Rotation in one step that methods of order 4 and above resolve [rad]."""
 
 
-def steps(run: Run) -> Look:
-    """What the steps of the run show."""
+def steps(run: Run) -> Checker:
+    """Checks of the steps of the run."""
 
-    def look(seen: Seen) -> Iterator[Finding]:
+    def look(seen: CheckInput) -> Iterator[Finding]:
         yield from found_in(seen.block, seen.effort, seen.ledger.exchanged)
         yield from turned(seen.block, seen.effort, run.layout.bodies)
 
@@ -65,9 +65,9 @@ def steps(run: Run) -> Look:
 
 
 def found_in(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
-    """What the effort of the run up to the end of the block tells.
+    """Findings about the effort of the run up to the end of the block.
 
-    exchanged: energy that the scene has exchanged by right [J].
+    exchanged: energy that the scene has exchanged [J].
     """
     yield from _of_steps(block, effort)
     yield from _of_contact_steps(block, effort, exchanged)
@@ -75,10 +75,8 @@ def found_in(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[F
 
 
 def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
-    """Whether a fixed step follows the motion; symplectic ones keep the energy all the same.
-
-    Of a step that `auto` chose the error of the motion has been measured.
-    """
+    """Whether the sum of the local errors of fixed steps is too large, unless `auto` has measured
+    the global error."""
     (figure, body), last = effort.missed, float(block.t[-1])
     if effort.step is not None and last > effort.kept_to and figure > MISSED:
         what = f"error of all steps of {effort.step:.3g} s, relative to the velocity or in rad,"
@@ -87,11 +85,8 @@ def _of_steps(block: SampleBlock, effort: Effort) -> Iterator[Finding]:
 
 
 def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Iterator[Finding]:
-    """Whether a fixed step leaps over turns, as after a motion has blown up: neither probes nor
-    balances, whose samples do not resolve it, say so.
-
-    An adaptive method compares two formulas in every step, and may take a constant spin in one.
-    """
+    """Whether a body rotates by more than MOST_TURN in a fixed step, e.g. after a motion has blown
+    up, where neither step doubling nor balances see it."""
     last = float(block.t[-1])
     if effort.step is None or effort.tolerance is not None or last <= effort.kept_to:
         return
@@ -109,9 +104,9 @@ def turned(block: SampleBlock, effort: Effort, bodies: tuple[str, ...]) -> Itera
 
 
 def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> Iterator[Finding]:
-    """Whether every step of time stepping solved and followed its contacts; the first that fails.
+    """The first check of the contacts of time stepping that fails.
 
-    Energy that contacts make or take is among their work, so that no balance shows it.
+    The energy balance does not show what contacts gain or lose, since it counts as their work.
     """
     step, steps, last = effort.step, effort.steps, float(block.t[-1])
     if step is None or effort.tolerance is not None:
@@ -162,8 +157,8 @@ def _of_contact_steps(block: SampleBlock, effort: Effort, exchanged: float) -> I
 
 
 def _of_choices(effort: Effort) -> Iterator[Finding]:
-    """Whether the laws of contact left more open than the setting tells apart; a second run makes
-    the same choice."""
+    """Whether the contact laws allow several motions that differ by more than the setting's
+    accuracy; a second run makes the same choice."""
     chosen, bound = effort.left_open, effort.outcome_bound
     if chosen is not None and chosen.figure > bound:
         figure, t, contact, what, by_setting, advice = chosen
@@ -172,19 +167,17 @@ def _of_choices(effort: Effort) -> Iterator[Finding]:
         yield Finding("ambiguous", t, figure, bound, what, contact, advice, finer)
 
 
-# Whether a contact chatters: opens and closes so often that its events say nothing any more.
-
-
 MOST_EVENTS_PER_SAMPLE = 50.0
 CHATTER = 1000
-"""Events, all in all and on average between two samples, that say: a contact chatters."""
+"""A contact chatters if it has more than CHATTER events, and more than MOST_EVENTS_PER_SAMPLE on
+average between two samples."""
 
 
-def chatter(run: Run) -> Look:
-    """Whether a contact has more events than samples can show."""
+def chatter(run: Run) -> Checker:
+    """Checks that no contact opens and closes far more often than the samples show."""
     events: Counter[str] = Counter()
 
-    def look(seen: Seen) -> Iterator[Finding]:
+    def look(seen: CheckInput) -> Iterator[Finding]:
         events.update(event.contact for event in seen.block.events)
         for name, count in events.most_common(1):
             mean = count / seen.samples

@@ -7,22 +7,20 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What fixed steps miss: some steps taken beside the run, and again in shorter ones.
+"""Local errors of fixed steps, by steps h and shorter steps r h from the same state (probes).
 
-A symplectic method keeps the energy of an oscillation that it steps over, so no balance shows that
-the motion is another one.  What shows is that steps of h and of r h tell different velocities and
-attitudes after the same time, by
+A symplectic method keeps the energy of an oscillation that its steps do not resolve, so no balance
+shows the error. Steps of h and r h by a method of order p, however, give velocities that differ by
 
     (1 - r^p) |dv|,  v = (v_C, A w) of a body,  A^2 = moments / mass,
 
-and as much of their turns.  What a step misses of either is added up over all steps, in the probes
-as they are and between two probes at the smaller rate of theirs: over the largest velocity of the
-body, or in radians, it is about the global error of a motion that magnifies nothing.  r is
-the golden section, that of the second run (checks/second_run), so that no load has the same phase
-in the steps of both.  A thin body is measured with either A (mechanics/error_scales).
+with dv the local error, and likewise attitudes. Local errors are summed over all steps; between two
+probes the smaller one counts for every step. Relative to the largest velocity of the body, or in
+radians, the sum is about the global error of a motion that does not amplify errors. r is the golden
+section, as in the second run (checks/second_run), so that no load has the same phase in both. Thin
+bodies are measured with each A (mechanics/error_scales).
 
-The run as a whole is compared by the second run; this is for what it does not reach: long runs,
-the node, commands.
+A second run compares whole runs; probes are for runs that get none: long ones, and the node.
 """
 
 from __future__ import annotations
@@ -48,43 +46,42 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)
-"""A shorter step over that of the run: the number that is farthest from all fractions, so that no
-load is at the same phase in all steps of both."""
+"""Factor of the shorter steps, r: the golden section is farthest from all simple fractions, so that
+no load has the same phase in all steps of both runs."""
 
 STEPS = 4
-"""Steps of a probe; shorter ones are taken beside them."""
+"""Number of steps h of a probe."""
 
 APART = 1000
-"""Steps of the run between two probes, if there are as many before: a probe costs as much as 11."""
+"""Steps of the run between two probes, from step number APART on; a probe costs about 11 steps."""
 
 ROUNDING = 1e-11
-"""Rounding error of velocities and of displacements in a step, relative to them; the solver of
-time stepping leaves more, SOLVED."""
+"""Rounding error of velocities and displacements in a step, relative to them; for time stepping it
+is the solver's tolerance, SOLVED."""
 
 
 class Missed(NamedTuple):
-    """What all steps of a run so far miss, added up."""
+    """Sum of the local errors of all steps so far."""
 
     share: float = 0.0
-    """of a body's velocities, over the largest of them; or of its attitude [rad]."""
+    """the largest: of a body's velocity relative to its maximum, or of its attitude [rad]."""
     body: str = ""
 
 
 class _Probe(NamedTuple):
-    """What some steps show."""
+    """Result of a probe."""
 
     speed: Array
-    """largest velocity by measure of a body, (M,)."""
+    """largest velocity, by measure of a body, (M,)."""
     rate: Array
-    """velocity, (M,), and attitude of each body [rad] that a step misses, (M + bodies,)."""
+    """local error of a step: of velocity, (M,), then of each attitude [rad], (M + bodies,)."""
     steps: int
-    """that count by themselves."""
+    """number of steps for which it counts itself; 0: only for those between probes."""
 
 
 def in_shorter_steps(run: Motion, compiled: Compiled, times: int = 1) -> tuple[Motion, float]:
-    """A motion like `run`, of the compiled scene, in fixed steps that are SHORTER so many times,
-    also those that end at the points of a table; and by how much of the error of the run the two
-    are apart."""
+    """A motion of the scene with the steps of `run` times SHORTER^times, including those that end
+    at the points of a table; and the share of the run's error by which the two then differ."""
     part = SHORTER**times
     finer: Any = run.method
     if compiled.breakpoints:
@@ -101,14 +98,13 @@ def in_shorter_steps(run: Motion, compiled: Compiled, times: int = 1) -> tuple[M
 
 
 def _give_up() -> None:
-    """Called where a trial takes a thousand times as many steps as a probe has: pieces of a guide
-    that a motion without bounds passes."""
+    """Called if a trial takes a thousand times the steps of a probe: a motion without bounds may
+    pass very many pieces of a guide."""
     raise SimulationError("a probe has no end")
 
 
 class StepDoubling:
-    """Probes the run of a motion in fixed steps now and then; of others it tells nothing, nor in
-    contact by events, whose modes a trial would have to choose anew."""
+    """Makes probes of a run with fixed steps; none of adaptive or event-driven runs."""
 
     def __init__(self, scene: Scene, run: Motion) -> None:
         self.run = run
@@ -128,14 +124,14 @@ class StepDoubling:
         self._largest = np.zeros(measures)
         self._rate, self._missed = np.zeros((2, measures + len(self._bodies)))
         self._counted = 0
-        """steps up to which what is missed has been added up."""
+        """steps whose local errors have been added up."""
 
     def look(self) -> Missed:
-        """Probe where the run is, if it is time for it, and at first at its start."""
+        """The sum of local errors so far, after a further probe at the present state if due."""
         if not self._able:
             return Missed()
         if self.run.steps >= self._due:
-            with np.errstate(all="ignore"):  # of a motion that grows without end
+            with np.errstate(all="ignore"):  # the motion may diverge
                 if self._due == 0 and self.run.as_compiled:
                     self._add(self._probe(self._restart, 0.0), 0)
                 self._add(self._probe(self._place, self.run.time), self.run.steps)
@@ -148,20 +144,20 @@ class StepDoubling:
         return Missed(float(share[k]), self._bodies[body])
 
     def _restart(self) -> None:
-        """Let the trials begin where the run began."""
+        """Reset the trials to the start of the run."""
         for trial in self._trials:
             trial.reset()
 
     def _place(self) -> None:
-        """Let the trials begin where the run is."""
+        """Reset the trials to the present state of the run."""
         for trial in self._trials:
             trial.reset_beside(self.run, self.run.coordinates, self.run.time)
             if trial.layout.commanded:
                 trial.change_law(self.run.system)
 
     def _probe(self, place: Callable[[], None], t: float) -> _Probe | None:
-        """What steps show from where `place` puts the trials, at t: a single one where the motion
-        does not come to the end of several, or they overflow; None where it fails too."""
+        """The probe from the state to which `place` resets the trials, at t: of STEPS steps, or of
+        one if these fail or overflow; None if that fails too."""
         for count in (STEPS, 1):
             place()
             times = np.array([t + self._step * k for k in range(count + 1)])
@@ -175,14 +171,14 @@ class StepDoubling:
         return None
 
     def _compared(self, one: Array, two: Array) -> _Probe:
-        """Of the steps of the run and of shorter ones, coordinates (n, bodies, 13)."""
+        """The probe from the coordinates (n, bodies, 13) after steps h and after steps r h."""
         velocity, place = self._velocities(two), two[:, self._measures.body, :3]
         speed, far = (np.linalg.norm(of, axis=2).max(axis=0) for of in (velocity, place))
         missed = self._velocities(one) - velocity
         turn = angle_between(one[..., 3:7], two[..., 3:7])
         if self._strikes:
-            # the two see a strike a step apart, and differ for that step by all of it: what
-            # counts is what every step misses, and what two probes do
+            # the two may place an impact in different steps, and then differ by all of it: the
+            # smallest difference of all steps counts
             missed, turn = np.diff(missed, axis=0), np.diff(turn, axis=0)
             figure, turn = np.linalg.norm(missed, axis=2).min(axis=0), turn.min(axis=0)
         else:
@@ -199,8 +195,8 @@ class StepDoubling:
         return measured(rows[..., 7:10], rows[..., 10:13], self._measures.lengths)
 
     def _add(self, probe: _Probe | None, at: int) -> None:
-        """Add what the steps from the last probe to this one, after so many of the run, have
-        missed, where it fails as before, and its own."""
+        """Add the local errors of the steps from the last probe to this one, made after `at` steps,
+        and those of the probe; if it failed, the last rate continues."""
         rate, steps = self._rate, at - self._counted
         if probe is not None:
             rate, self._rate = np.minimum(rate, probe.rate), probe.rate

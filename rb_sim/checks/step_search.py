@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from rb_sim.base.errors import Finding
 
 
-# The forecast of a scene's run, with what would make it shorter.
-
-
 ADVICE_IN_CONTACT = (
     "slow slips with friction keep the steps short at any tolerance; try method time_stepping, a "
     "larger tolerance, or a shorter duration"
@@ -38,7 +35,7 @@ ADVICE_IN_CONTACT = (
 
 
 def advice_for(scene: Scene) -> str:
-    """What to try where a run of the scene takes too long."""
+    """Advice for a run of the scene that takes too long."""
     rubbing = any(
         getattr(getattr(spec, "friction", None), "static", 0.0) > 0.0
         for spec in scene.constraints.values()
@@ -54,29 +51,26 @@ def forecast_for(
     *,
     wall: float = math.inf,
 ) -> Forecast:
-    """The forecast of a run of the scene; the rest as in Forecast."""
+    """The Forecast of a run of the scene."""
     return Forecast(duration, tell, wall=wall, advice=advice_for(scene))
 
 
-# Which fixed step would do, where one failed or a check found it too large.
-#
-# It is found by running the scene with other steps, under the checks of every run.
+# A smaller fixed step, if the run failed or a check found the step too large: the scene is run with
+# other steps under the same checks.
 
 
 MOST_TIME = 3.0
-"""Counted time of all trials together [s], and of the second run of one that no other check finds
-fault with: the run is over, and its user waits for the word."""
+"""Maximum counted time of all trials together, and of a second run of one trial [s]."""
 
 MOST_TRIALS = 16
-"""Smaller steps that are tried, each at most half of the one before."""
+"""Maximum number of smaller steps that are tried, each at most half of the one before."""
 
 STIFF = 0.02
-"""Share of the step asked for at and below which one that does is of a stiff scene, for which there
-is a method of its own."""
+"""If a step this fraction of the scene's, or smaller, is needed, the scene is stiff."""
 
 MOST_STEPS = 200_000
-"""Steps, times bodies, of a whole run in steps 256 times as short: of a longer one that failed the
-beginning is tried."""
+"""Steps times bodies of a run with steps 256 times as short, above which only the beginning of a
+failed run is tried."""
 
 
 def step_that_runs(
@@ -85,11 +79,10 @@ def step_that_runs(
     end: float,
     goes_on: Callable[[], bool] = lambda: True,
 ) -> str:
-    """Advice about the step of a run of a Simulation that failed because of it: one that does, or
-    that none does.
+    """Advice for a run of a Simulation that failed because of its step: a step with which it runs.
 
-    failed_at, end: of the run, which had no commands [s]; goes_on: asked during the trials, which
-    begin at the scene's start; of a run too long for them a little more is tried than it came to.
+    failed_at, end: of the run, which had no commands [s]; goes_on: called during the trials, which
+    it may end. A long run is tried only to a little beyond its failure.
     """
     step = simulation.setting.step
     whole = end / step * 256 * len(simulation.layout.bodies) <= MOST_STEPS
@@ -114,10 +107,10 @@ def quiet_step(
     findings: tuple[Finding, ...],
     goes_on: Callable[[], bool] = lambda: True,
 ) -> str:
-    """Advice about the step of a run whose findings name a finer one; "" if none of them does.
+    """Advice for a run with findings about its step: a step that passes all checks; "" if there
+    are no such findings.
 
-    The step named ends all findings about the step.
-    findings: of the whole run of `simulation`; goes_on: asked during the trials.
+    findings: of the whole run of `simulation`; goes_on: called during the trials, which it may end.
     """
     finer = [finding.finer_step for finding in findings if finding.finer_step is not None]
     step = simulation.setting.step
@@ -135,7 +128,7 @@ def quiet_step(
 
 
 def _otherwise(simulation: Any) -> str:
-    """What to try where no step does."""
+    """Advice if no step passes."""
     if METHODS[simulation.setting.name].family == "time-stepping":
         if steps_alone(simulation):
             return "no other method takes a contact `between`"
@@ -144,15 +137,15 @@ def _otherwise(simulation: Any) -> str:
 
 
 def _follows(findings: tuple[Finding, ...]) -> bool:
-    """Whether no finding of a run blames its step."""
+    """Whether no finding of a run is about its step."""
     return all(finding.finer_step is None for finding in findings)
 
 
 def _trials(
     simulation: Any, step: float, end: float, goes_on: Callable[[], bool]
 ) -> Iterator[tuple[float, tuple[Finding, ...] | None]]:
-    """Steps from `step` [s] down with what the checks find in a run to `end` [s]; None where that
-    fails.  No more once the time is used up, or `goes_on` says so."""
+    """Steps from `step` [s] down, each with the findings of a run to `end` [s], or None if the run
+    fails; until the time is used up or `goes_on` returns False."""
     left = MOST_TIME
     for _ in range(MOST_TRIALS):
         trial = simulation.with_step(step)
@@ -175,8 +168,8 @@ def _trials(
 
 
 def _findings(trial: Any, end: float, goes_on: Callable[[float], bool]) -> tuple[Finding, ...]:
-    """What the checks find in a run of the simulation to `end` [s]; a second run is made of one in
-    which the others find no fault.  Raises RbSimError, ArithmeticError."""
+    """Findings of a run of the simulation to `end` [s]; a second run is made if the other checks
+    find nothing about the step. Raises RbSimError, ArithmeticError."""
     checked = CheckedSamples(trial, trial.blocks(end, trial.scene.simulation.rate, goes_on))
     second = SecondRun(trial)
     for block in checked:

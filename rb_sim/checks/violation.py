@@ -19,7 +19,7 @@ import numpy as np
 from rb_sim.base.errors import Finding, RbSimError, SceneError
 from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
 from rb_sim.catalogue.contact import Touching
-from rb_sim.checks.check import Look, Run, Seen
+from rb_sim.checks.check import Checker, CheckInput, Run
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.scene.compile import compile_motion
@@ -33,11 +33,6 @@ if TYPE_CHECKING:
     from rb_sim.scene.schema import Scene
 
 
-# Constraints that a sample violates: whether, and which of them most.
-#
-# The general formulation in maximal coordinates tells it.
-
-
 CONTRADICTORY = (
     "check for constraints that contradict each other from here on, or try method dopri853"
 )
@@ -45,8 +40,8 @@ STEPPED = "joints are accurate to first order only; try a smaller step or an eve
 
 
 def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, i: int) -> str:
-    """Name of the constraint whose violation is largest at sample i; "" where it cannot be
-    determined."""
+    """Name of the constraint with the largest violation at sample i, by the scene in maximal
+    coordinates; "" if it cannot be determined."""
     if layout.contacts or not scene.constraints:
         return ""
     try:
@@ -63,8 +58,8 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
     return owners[part]
 
 
-def residual(run: Run) -> Look:
-    """The first sample whose residual is beyond the bound, or no number."""
+def residual(run: Run) -> Checker:
+    """Checks that the residual of all samples is within its bound."""
     bound = SOLVED_IN_CONTACT if run.layout.contacts else SOLVED
     return lambda seen: residual_found(run.scene, run.layout, seen.block, bound)
 
@@ -72,7 +67,7 @@ def residual(run: Run) -> Look:
 def residual_found(
     scene: Scene, layout: SampleLayout, block: SampleBlock, bound: float
 ) -> Iterator[Finding]:
-    """The first sample of the block whose residual is beyond the bound, or no number."""
+    """The first sample of the block whose residual is beyond the bound, or NaN."""
     beyond = np.flatnonzero(~(block.residual <= bound))
     if not len(beyond):
         return
@@ -85,30 +80,28 @@ def residual_found(
 
 
 def coordinates(block: SampleBlock, which: slice | list[int]) -> Array:
-    """p_WC, q_WB, v_WC, w_WB_B of all bodies in turn at these samples, shape (n, 13 N)."""
+    """p_WC, q_WB, v_WC, w_WB_B of each body in turn at these samples, (n, 13 N)."""
     columns = block.position, block.orientation, block.linear_velocity, block.angular_velocity
     found = np.concatenate([column[which] for column in columns], axis=2)
     return found.reshape(len(found), -1)
 
 
-# Shapes inside of supports: a contact with listed points touches at these only.
-#
-# The rest of the body's shape goes through the support unhindered, as the other end of a ladder
-# whose foot is listed. Here the shape is laid against the support as if no points were listed.
+# Shapes inside supports: a contact with listed points acts only at these, and the rest of the shape
+# passes through the support, such as the upper end of a ladder of which only the foot is listed.
+# Here the depth of the whole shape is computed.
 
 
 DEEP = 1e-3
-"""Depth, over the reach of the body's shape, from which on it is reported."""
+"""Depth, relative to the reach of the body's shape, above which it is reported."""
 LOOKS = 64
-"""Instants of a block that are looked at."""
+"""Maximum number of instants of a block that are checked."""
 
 
-def inside(run: Run) -> Look:
-    """The first instant looked at in which the shape of a body with listed points lies in what it
-    may touch."""
+def inside(run: Run) -> Checker:
+    """Checks that the shape of a body with listed contact points is not inside its support."""
     bodies, contacts = run.layout.bodies, list(_whole_shapes(run.scene))
 
-    def look(seen: Seen) -> Iterator[Finding]:
+    def look(seen: CheckInput) -> Iterator[Finding]:
         if not contacts:
             return
         block = seen.block
@@ -132,12 +125,12 @@ def inside(run: Run) -> Look:
 
 
 def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any], float]]:
-    """(contact, body, parent, points of its whole shape, depth that counts) of each contact with
-    listed points of a body with a shape that could touch without."""
+    """(contact, body, parent, contact of its whole shape, largest depth) for each contact with
+    listed points of a body with a shape."""
     listed = [
         (name, spec)
         for name, spec in scene.constraints.items()
-        if isinstance(spec, Touching) and getattr(spec, "points", None)  # a string has none
+        if isinstance(spec, Touching) and getattr(spec, "points", None)
     ]
     if not listed:
         return
@@ -161,5 +154,5 @@ def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:
 
     try:
         return -float(touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap)
-    except ZeroDivisionError:  # no point of the shape is the nearest one
+    except ZeroDivisionError:  # no unique nearest point
         return -inf

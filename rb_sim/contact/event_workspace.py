@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The workspace of an event: contacts that touch, dense rows, notes of what happened."""
+"""The workspace of an event: touching contacts, rows, and notes of the changes of contacts."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ import numpy as np
 from rb_sim.base.rounding import SOLVED
 from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
+from rb_sim.contact.problem import RULES
+from rb_sim.contact.problem import WIDTH as ROW_WIDTH
 from rb_sim.integrate.layout import INTEGER, REAL, Layout
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
@@ -43,32 +45,29 @@ from rb_sim.mechanics.contact.contact_bodies import (
 )
 from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
 from rb_sim.mechanics.samples import ContactEvent
-from rb_sim.mechanics.systems.many_bodies import BODY, vec
+from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.numerics.complementarity import BOUND_WIDTH
-from rb_sim.numerics.vectors import dot, norm, scale, sub
-
-# Which contacts touch at an instant, and how fast they move over their support.
-
+from rb_sim.numerics.vectors import add, dot, norm, scale, sub
 
 TOUCHING = 1e-10
 """Gap, relative to the length of the scene, up to which surfaces touch."""
 OPEN = 1e-8
-"""Difference of two admissible velocities, accelerations or reactions, relative to the largest,
-above which they are different solutions; below, it is rounding."""
+"""Relative difference of two admissible velocities, accelerations or reactions above which they are
+different solutions; below, it is rounding."""
 
 
 def velocity_tolerance_of(system):
-    """[m/s]."""
+    """Speed that counts as zero [m/s]."""
     return SPEED_TOLERANCE * system.speed
 
 
 def spin_tolerance_of(system):
-    """[rad/s]."""
+    """Angular speed that counts as zero [rad/s]."""
     return SPEED_TOLERANCE * system.speed / system.length
 
 
 def touches(system, c):
-    """True if contact c is rigid and its surfaces touch."""
+    """Whether contact c is rigid and its surfaces touch."""
     table = system.contact_table
     if table[c, COMPLIANT] == 1.0 or table[c, LEAN_SIGN] == ABSENT:
         return False
@@ -76,7 +75,7 @@ def touches(system, c):
 
 
 def find_touching(system, workspace):
-    """The contacts that touch take part; returns the one of them that approaches fastest, or -1."""
+    """Let the touching contacts participate; returns the one that approaches fastest, or -1."""
     table, fastest = system.contact_table, -1
     for c in range(table.shape[0]):
         here = touches(system, c)
@@ -87,7 +86,7 @@ def find_touching(system, workspace):
 
 
 def slip_speed(system, c):
-    """[m/s]."""
+    """Slip speed of contact c [m/s]."""
     return norm(vec(system.contact_table, c, SLIP))
 
 
@@ -98,90 +97,85 @@ def turning(system, c):
     return sub(turn, scale(about, n)), about
 
 
-# Workspace between the calls of the loop, as compiled functions see it: the rows as
-# dense matrices, one problem between rows and laws, and what is reported to whoever runs a scene.
-
-
 MODES_WIDTH = SLIP_DIRECTION + 3
-"""Columns of the table of contacts that hold the modes, and the directions of slip."""
+"""Number of first columns of the table of contacts up to the modes and directions of slip."""
 NOTE_WIDTH = 6
-"""Of a note: time [s], contact, kind (see KINDS of `notes`), impulse [N s]."""
+"""Columns of a note: time [s], contact, kind (index in KINDS), impulse (3) [N s]."""
 WAYS = 3
-"""In which a contact may move: slip, roll, spin."""
+"""Number of kinds of motion of a contact: slip, roll, spin."""
 
 
 class Workspace(NamedTuple):
-    """Tables of n rows, 6 N velocities, C contacts; integers of a contact are 0 or 1."""
+    """Tables of n rows, N bodies, C contacts; integers of a contact are 0 or 1."""
 
-    J: np.ndarray
-    """rows of constraints and contacts, those of the candidates as if they held, (n, 6 N)."""
-    W: np.ndarray
-    """force directions: J, but for the normals of slipping contacts, (n, 6 N)."""
+    all_rows: np.ndarray
+    """rows of joints and contacts, all closed and stuck, see `problem`, (n, ROW_WIDTH)."""
+    all_pushes: np.ndarray
+    """force directions: as the rows, except for the normals of slipping contacts."""
     row_bias: np.ndarray
     row_rate: np.ndarray
-    """b of J u = b, (n,)."""
+    """prescribed velocity along each row, J u = rate, (n,)."""
     free_accelerations: np.ndarray
-    """from the loads alone, (6 N,)."""
+    """accelerations by the loads alone, (N, 6)."""
     impulses: np.ndarray
     """of every row, (n,)."""
     used: np.ndarray
-    """rows of the problem, (n + C,)."""
+    """this and the following fields: see `problem.Laws`."""
     place_of: np.ndarray
-    """of each row among those, (n,)."""
+    units: np.ndarray
     rules: np.ndarray
-    """(n + C,)."""
     least: np.ndarray
-    """(n + C,)."""
     bounds: np.ndarray
-    """(3 C, BOUND_WIDTH)."""
     limits: np.ndarray
-    """(3 C,)."""
     moves: np.ndarray
-    """contact and way of each bound, (3 C, 2)."""
+    contact_rules: np.ndarray
+    """of each contact, see `problem`, (C, RULES)."""
     taking_part: np.ndarray
-    """contacts that touch rigidly, and those that a compliant support presses (2), (C,)."""
+    """participation: rigid contacts that touch (1), compliant ones with a force (2), (C,)."""
     plastic: np.ndarray
-    """contacts that strike without rebound, (C,)."""
+    """contacts without rebound, (C,)."""
     together: np.ndarray
-    """contacts that do not part in an impact, (C,)."""
+    """contacts that do not separate in an impact, (C,)."""
     rebounding: np.ndarray
-    """contacts that part after an impact, (C,)."""
+    """contacts that separate after an impact, (C,)."""
     opened: np.ndarray
-    """contacts that are not to close, (C,)."""
+    """contacts that must not close, (C,)."""
     parted: np.ndarray
     """contacts that opened while they slipped, (C,)."""
     moved: np.ndarray
-    """contacts that have left their rest, in each way, (C, 3)."""
+    """contacts that have begun to slip, roll or spin, (C, 3)."""
     bounces: np.ndarray
-    """in a row, of each contact, and then of all that are too low to tell, (C + 1,)."""
+    """number of successive bounces of each contact, then of all very low ones, (C + 1,)."""
     rests: np.ndarray
-    """when the series of bounces of each contact will be over, see `bounces`, (C, 3)."""
+    """end of the series of bounces of each contact, see `impacts`, (C, 3)."""
     before: np.ndarray
     """modes before an event, (C, MODES_WIDTH)."""
     undetermined: np.ndarray
-    """how far apart two motions after an impact are that the laws leave open, relative to the
-    largest velocity before it; the most of a run, its time and contact; the same three of what
-    shares of a load leave open, (7,)."""
+    """largest difference of the motions that the laws allow after an impact, relative to the
+    largest velocity before it; the largest of the run, its time and contact; the same three for
+    shares of a load, (7,)."""
     notes: np.ndarray
-    """what has happened, (capacity, NOTE_WIDTH)."""
+    """changes of contacts, (capacity, NOTE_WIDTH)."""
     written: np.ndarray
-    """how many notes there are, (1,)."""
+    """number of notes, (1,)."""
 
 
 _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
-    "J": (REAL, ("rows", "velocities")),
-    "W": (REAL, ("rows", "velocities")),
+    "all_rows": (REAL, ("rows", ROW_WIDTH)),
+    "all_pushes": (REAL, ("rows", ROW_WIDTH)),
     "row_bias": (REAL, ("rows",)),
     "row_rate": (REAL, ("rows",)),
-    "free_accelerations": (REAL, ("velocities",)),
+    "free_accelerations": (REAL, ("bodies", 6)),
     "impulses": (REAL, ("rows",)),
-    "used": (INTEGER, ("places",)),
+    "used": (INTEGER, ("rows",)),
     "place_of": (INTEGER, ("rows",)),
-    "rules": (INTEGER, ("places",)),
-    "least": (REAL, ("places",)),
+    "units": (REAL, ("rows",)),
+    "rules": (INTEGER, ("rows",)),
+    "least": (REAL, ("rows",)),
     "bounds": (INTEGER, ("bounds", BOUND_WIDTH)),
     "limits": (REAL, ("bounds",)),
     "moves": (INTEGER, ("bounds", 2)),
+    "contact_rules": (REAL, ("contacts", RULES)),
     "taking_part": (INTEGER, ("contacts",)),
     "plastic": (INTEGER, ("contacts",)),
     "together": (INTEGER, ("contacts",)),
@@ -201,12 +195,11 @@ WORKSPACE_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _
 
 
 def workspace_for(system: ContactBodies) -> Workspace:
-    """Tables for the system, not filled yet."""
+    """The workspace for a system."""
     rows, contacts = len(system.row_table), len(system.contact_table)
     lengths = {
-        "rows": rows, "velocities": 6 * len(system.bodies), "contacts": contacts,
-        "bodies": len(system.bodies), "places": rows + contacts, "bounds": WAYS * contacts,
-        "counts": contacts + 1, "notes": 64 + 8 * contacts,
+        "rows": rows, "contacts": contacts, "bodies": len(system.bodies),
+        "bounds": WAYS * contacts, "counts": contacts + 1, "notes": 64 + 8 * contacts,
     }  # fmt: skip
     tables = {}
     for name, (kind, shape) in _FIELDS.items():
@@ -215,29 +208,29 @@ def workspace_for(system: ContactBodies) -> Workspace:
     return Workspace(**tables)
 
 
-# What happens to the contacts, noted where it happens: rows that `Journal` reads.
+# Notes: changes of contacts, which `Journal` reads.
 
 
 KINDS = (
     "impact", "rests", "closes", "opens", "slips", "sticks", "rolls", "stops rolling", "spins",
     "stops spinning", "reverses", "jams", "leaps", "ambiguous",
 )  # fmt: skip
-"""Of events, by the number in a note; what closes and opens is called as its law has it."""
+"""Names of events by the number in a note; laws may have other names for closing and opening."""
 (
     IMPACT, RESTS, CLOSES, OPENS, SLIPS, STICKS, ROLLS, STOPS_ROLLING, SPINS, STOPS_SPINNING,
     REVERSES, JAMS, LEAPS, AMBIGUOUS,
 ) = range(14)  # fmt: skip
 OF_ROUND, CHANGES = 3, 5
-"""Most notes of one contact in a round of impacts, and of its changes at one instant."""
+"""Maximum number of notes of one contact in a round of impacts, and of changes at one instant."""
 
 
 def workspace_left(workspace):
-    """For how many notes there is room."""
+    """Number of notes that still fit in."""
     return workspace.notes.shape[0] - workspace.written[0]
 
 
 def note(workspace, t, c, kind, impulse):
-    """Note one event of contact c; impulse: BY it ON its body, world axes [N s]."""
+    """Add a note of contact c; impulse: by it on its body, world axes [N s]."""
     k = workspace.written[0]
     workspace.notes[k, 0], workspace.notes[k, 1], workspace.notes[k, 2] = t, c, kind
     for j in range(3):
@@ -246,34 +239,29 @@ def note(workspace, t, c, kind, impulse):
 
 
 def note_impulses(system, workspace, t, kind):
-    """One event for each contact that takes part in the impulses of the workspace."""
-    x, J, most = workspace.impulses, workspace.J, 0.0
+    """Add a note for each contact with an impulse in the workspace."""
+    x, rows, most = workspace.impulses, workspace.all_rows, 0.0
     for k in range(x.shape[0]):
         most = max(most, abs(x[k]))
     for c in range(system.contact_table.shape[0]):
         k = first_row_of(system, c)
         if max(abs(x[k]), abs(x[k + 1]), abs(x[k + 2])) > SOLVED * most:
-            b = 6 * system.row_table[k, BODY]
-            note(
-                workspace, t, c, kind,
-                (
-                    J[k, b] * x[k] + J[k + 1, b] * x[k + 1] + J[k + 2, b] * x[k + 2],
-                    J[k, b + 1] * x[k] + J[k + 1, b + 1] * x[k + 1] + J[k + 2, b + 1] * x[k + 2],
-                    J[k, b + 2] * x[k] + J[k + 1, b + 2] * x[k + 1] + J[k + 2, b + 2] * x[k + 2],
-                ),
-            )  # fmt: skip
+            impulse = scale(x[k], vec(rows, k, 0))
+            for j in range(1, 3):
+                impulse = add(impulse, scale(x[k + j], vec(rows, k + j, 0)))
+            note(workspace, t, c, kind, impulse)
 
 
 def take_before(system, workspace):
-    """Keep the modes that the contacts have before an event."""
+    """Store the modes of the contacts before an event."""
     for c in range(workspace.before.shape[0]):
         for j in range(workspace.before.shape[1]):
             workspace.before[c, j] = system.contact_table[c, j]
 
 
 def note_way(system, workspace, t, c, way, kinds):
-    """Note a change of one kind of friction; way: columns of its mode and its bound, kinds: those
-    of its beginning and its end."""
+    """Add a note if one kind of friction has changed; way: columns of its mode and bound, kinds: of
+    its start and its end."""
     mode, bound = way
     was, now = workspace.before[c, mode], system.contact_table[c, mode]
     if system.contact_table[c, bound] > 0.0 and was != now:
@@ -281,7 +269,7 @@ def note_way(system, workspace, t, c, way, kinds):
 
 
 def note_changes(system, workspace, t):
-    """Note what opened, closed, slipped and stuck."""
+    """Add notes of all contacts that opened, closed, began to slip or stuck."""
     table, before = system.contact_table, workspace.before
     for c in range(table.shape[0]):
         if before[c, CLOSED] != table[c, CLOSED]:
@@ -299,15 +287,12 @@ def note_changes(system, workspace, t):
             note(workspace, t, c, REVERSES, (0.0, 0.0, 0.0))
 
 
-# What happened to the contacts, as the events of a run.
-
-
 MOST_EVENTS = 100_000
-"""That are kept at least."""
+"""Minimum number of events that are kept."""
 
 
 class Journal:
-    """The events of a run, the earliest of very many forgotten."""
+    """The contact events of a run; of very many the earliest are dropped."""
 
     def __init__(self, names: Sequence[str], laws: Sequence[ContactLaw]) -> None:
         self.names = names
@@ -322,12 +307,12 @@ class Journal:
         ]
 
     def note(self, t: float, c: int, kind: int) -> None:
-        """One event of contact c without an impulse; kind: among KINDS."""
+        """Add an event of contact c without an impulse; kind: index in KINDS."""
         kind_name = self._kinds[c][kind]
         self._add(ContactEvent(float(t), self.names[c], kind_name, (0.0, 0.0, 0.0)))
 
     def take(self, workspace: Workspace) -> None:
-        """The events noted in the workspace, which is empty then."""
+        """Move the notes of the workspace into the journal."""
         for t, contact, kind, *impulse in workspace.notes[: int(workspace.written[0])].tolist():
             c = int(contact)
             name = self._kinds[c][int(kind)]
@@ -336,6 +321,6 @@ class Journal:
 
     def _add(self, event: ContactEvent) -> None:
         self.events.append(event)
-        if len(self.events) >= 2 * MOST_EVENTS:  # a node may run for ever
+        if len(self.events) >= 2 * MOST_EVENTS:  # a node may run without end
             del self.events[:MOST_EVENTS]
             self.forgotten += MOST_EVENTS

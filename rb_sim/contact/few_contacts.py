@@ -7,17 +7,18 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Impulses of a step with few contacts, by the dense solver: shares of a load are the least ones.
+"""Impulses of a step with few contacts by the dense solver; impulses that are not unique are least.
 
-Two flat pads that fingers press against a block determine the sum of the pressures at the corners
-of each pad, but not their centre: the joints of the fingers carry any offset.  A table that stands
-on four legs determines the loads of three.  Of what slips in several directions the friction, and
-so the motion, depends on it.  As under event-driven contact (`impacts`) the impulses taken are
-those of minimum norm among those that give all normals, and what sticks, the same velocities.
+The laws do not always determine the impulses. If two fingers with flat pads press a block, only the
+sum of the forces at the corners of each pad is determined, since the joints of the fingers carry
+any offset; of the loads on four table legs only three are. If contacts slip in several directions,
+friction and motion depend on the choice. The impulses of minimum norm are taken among those with
+the same normal velocities, and the same velocities of sticking contacts; impacts of event-driven
+contact use the same function.
 
-With the joints eliminated the problem is w = A r + b of the impulses r of contacts (see
-numerics.complementarity), which is also solved here where sweeps do not get there, as where normal
-impulse and friction work against a joint.
+With the joints eliminated the problem is w = A r + b with the impulses r of contacts (see
+numerics/complementarity). It is also solved here if sweeps do not converge, e.g. if normal impulse
+and friction act against a joint.
 """
 
 from __future__ import annotations
@@ -27,50 +28,49 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints, viscosity_of
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
     ENOUGH,
     FINE,
-    PULLS,
-    ROLLS,
-    SPINS,
     add_impulse,
+    arm_of,
+    fill_column,
+    fill_free,
     largest,
+    laws_for,
+    lay_out,
+    problem_of,
     rate_of,
 )
-from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints, viscosity_of
 from rb_sim.numerics.complementarity import (
-    BOUND_WIDTH,
     EQUALITY,
     FRICTION,
     UNILATERAL,
-    Equations,
     equations,
     fill_steps,
     relative,
     row_times,
     solution,
-    unit_of,
 )
 from rb_sim.numerics.kernels import integers, part, pointer
 from rb_sim.numerics.linear_solves import copy_system, decomposed
 
 MOST_CONTACTS, MOST_JOINTS = 20, 60
-"""Contacts that take part, and rows of joints, up to which a step is solved densely: it costs the
-cube of the contacts, and their square times that of the joints."""
+"""Maximum numbers of active contacts and joint rows for the dense solver: it costs the cube of the
+number of contacts, and its square times that of the joint rows."""
 DEPENDENT = 1e-8
-"""Pivot of the rows that hold, relative to the largest, below which a row depends on others: above
-what is left of joints (1e-9 of the scene's length), below what a mass ratio of a million makes."""
+"""Relative pivot below which a row is dependent: above the error of joints (1e-9 of the scene's
+length), below the effect of a mass ratio of a million."""
 TURNS = 20
-"""Of solving linear laws after which no least shares are found, and of viscous friction for the
-normal impulses that it has led to."""
+"""Maximum number of iterations of the linear laws, and of viscous friction and normal impulses."""
 
 
 def are_few(graph):
-    """Whether a graph is solved densely: contacts and joints are few, and it is not a heap, of
-    bodies that touch each other with nothing besides."""
+    """Whether a graph is solved densely: it has few contacts and joints, and is no heap of bodies
+    with plain contacts between them."""
     contacts, joints, touch = graph.ends.shape[0], graph.joint_rows.shape[0], False
     for i in range(contacts):
         touch = touch or graph.ends[i, 1] >= 0
@@ -79,84 +79,51 @@ def are_few(graph):
     return few and not (touch and is_plain(graph))
 
 
-def list_rows(graph, places):
-    """Write the rows of all contacts that may carry an impulse, normal first; how many."""
-    n, rules = 0, graph.rules
-    for i in range(graph.ends.shape[0]):
-        for j in range(CONTACT_ROWS):
-            tangential = (j == 1 or j == 2) and rules[i, BOUND] != 0.0
-            turning = ((j == 3 or j == 4) and rules[i, ROLLS] > 0.0) or (
-                j == 5 and rules[i, SPINS] > 0.0
-            )
-            if j == 0 or tangential or turning:
-                places[n] = CONTACT_ROWS * i + j
-                n += 1
-    return n
-
-
-def unit_at(k, arm):
-    """Of the rate of row k of a contact: turning, and moments, are measured at an arm [m], so that
-    least impulses weigh moments beside forces."""
-    return arm if k % CONTACT_ROWS >= 3 else 1.0
-
-
-def fill_problem(graph, u, x, places, arm, A, b, terms, r):
-    """A of the rows at these places with joints that follow, their impulses r, and b, in units of
-    `unit_at`, without what friction without a corner gives; terms: sizes of the summands of b."""
-    n, ends, joints = places.shape[0], graph.ends, graph.joint_rows.shape[0]
-    w, d, e = np.empty((u.shape[0], 6)), np.empty(joints), graph.joint_ends
+def fill_problem(graph, laws, ends, n, u, x, A, b, terms, r):
+    """Write A of n rows with the joints eliminated, their impulses r, and b, without viscous
+    friction. u: velocities, which include the impulses x; terms: absolute terms of b."""
+    w, d, e = np.zeros_like(u), np.empty(graph.joint_rows.shape[0]), graph.joint_ends
     for m in range(n):
-        k, i, unit = places[m], places[m] // CONTACT_ROWS, unit_at(places[m], arm)
+        k, unit = laws.used[m], laws.units[m]
         r[m] = x[k] / unit
-        b[m] = unit * (rate_of(graph.rows, k, u, ends[i, 0], ends[i, 1]) - graph.targets[k])
+        add_impulse(graph.rows, k, w, ends[k, 0], ends[k, 1], unit)
+        for j in range(d.shape[0]):
+            d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
+        give_joints(graph, w, d)
+        fill_column(graph.rows, ends, laws, n, m, w, A)
         for body in range(u.shape[0]):
             for j in range(6):
                 w[body, j] = 0.0
-        add_impulse(graph.rows, k, w, ends[i, 0], ends[i, 1], unit)
-        for j in range(joints):
-            d[j] = -rate_of(graph.joint_rows, j, w, e[j, 0], e[j, 1])
-        give_joints(graph, w, d)
-        for o in range(n):
-            k, i = places[o], places[o] // CONTACT_ROWS
-            A[o, m] = unit_at(k, arm) * rate_of(graph.rows, k, w, ends[i, 0], ends[i, 1])
+    fill_free(graph.rows, ends, graph.targets, u, laws, n, b, terms)
     for o in range(n):
-        terms[o] = abs(b[o])
         for m in range(n):
             b[o] -= A[o, m] * r[m]
             terms[o] += abs(A[o, m] * r[m])
     for m in range(n):
-        if places[m] % CONTACT_ROWS == 0:
-            A[m, m] += graph.rules[places[m] // CONTACT_ROWS, COMPLIANCE]
+        if laws.used[m] % CONTACT_ROWS == 0:
+            A[m, m] += graph.rules[laws.used[m] // CONTACT_ROWS, COMPLIANCE]
 
 
-def fill_laws(graph, places, r, arm, rules, bounds, limits, slack):
-    """Rules, bounds and limits of the rows at these places; returns how many bounds there are.
-
-    slack: velocity against which the impulse 1 of each row works besides A, as where friction has
-    no corner, for the normal impulses r.
-    """
-    m, normal = 0, 0
-    for o in range(places.shape[0]):
-        i, j = places[o] // CONTACT_ROWS, places[o] % CONTACT_ROWS
-        rules[o], slack[o] = FRICTION, 0.0
-        if j == 0:
-            normal = o
-            rules[o] = EQUALITY if graph.rules[i, PULLS] != 0.0 else UNILATERAL
-        elif graph.rules[i, BOUND] < 0.0 and j < 3:
-            viscous = viscosity_of(graph.rules, i, r[normal])
-            slack[o] = 1.0 / viscous if viscous > 0.0 else 0.0
-        if j == 1 or j == 3 or j == 5:
-            bounds[m, 0], bounds[m, 1], bounds[m, 2] = o, -1 if j == 5 else o + 1, normal
-            limit = (graph.rules[i, ROLLS] if j == 3 else graph.rules[i, SPINS]) / arm
-            limit = min(graph.rules[i, BOUND], ROUGH) if j == 1 else limit
-            limits[m] = limit if limit >= 0.0 else (math.inf if slack[o] > 0.0 else 0.0)
-            m += 1
-    return m
+def find_slack(graph, laws, m, r, slack):
+    """Write the diagonal terms of viscous friction (slip per impulse) at the normal impulses r, and
+    its bounds (infinite or 0); returns whether there is any."""
+    viscous = False
+    for o in range(slack.shape[0]):
+        slack[o] = 0.0
+    for i in range(m):
+        c = laws.moves[i, 0]
+        if laws.moves[i, 1] == 0 and graph.rules[c, BOUND] < 0.0:
+            first, second, normal = laws.bounds[i, 0], laws.bounds[i, 1], laws.bounds[i, 2]
+            gives = viscosity_of(graph.rules, c, r[normal])
+            laws.limits[i] = math.inf if gives > 0.0 else 0.0
+            if gives > 0.0:
+                slack[first], slack[second], viscous = 1.0 / gives, 1.0 / gives, True
+    return viscous
 
 
 def hold(p, slow, x, rules, b):
-    """Copy rules and b of a problem, but let each unilateral row that does not open at the solution
-    x hold both ways, and put each other one out of reach."""
+    """Copy rules and b of a problem; unilateral rows that are closed at the solution x become
+    equalities, and open ones get b = inf."""
     for k in range(p.n):
         rules[k], b[k] = p.rules[k], p.b[k]
         if p.rules[k] == UNILATERAL and row_times(p, k, x) <= slow:
@@ -166,12 +133,12 @@ def hold(p, slow, x, rules, b):
 
 
 def find_least(p, held, rules, b, x, work):
-    """Replace x by the least x that solves the laws, linear about x, until it stays the same, where
-    what would pull no longer holds.  Returns the unknowns that are not determined; -1 if x does
-    not stay.
+    """Replace x by the least solution of the laws linearised about x, until it no longer changes;
+    rows that would pull are opened. Returns the number of undetermined unknowns, or -1 without
+    convergence.
 
-    held: p with the rules and b of `hold`, or p itself, of which nothing is written then; work:
-    n (2 n + 7) numbers.
+    held: p with the rules and b of `hold`, or p itself, which is then not written; work: n (2 n +
+    7) numbers.
     """
     n = p.n
     J, w, F, new, rest = (
@@ -201,13 +168,13 @@ def find_least(p, held, rules, b, x, work):
 
 
 def misfit(p, x, work):
-    """Residual of the laws at x, see `relative`."""
+    """Residual of the laws at x, see complementarity.relative."""
     n = p.n
     return relative(p, equations(p, x, work, part(work, n), part(work, 2 * n)), x)
 
 
 def largest_change(p, x, other):
-    """(the largest change of w between two solutions, relative to what x makes of one)."""
+    """Largest difference of w between two solutions, relative to the largest A x."""
     most, made = 0.0, 0.0
     for k in range(p.n):
         given = row_times(p, k, x) - p.b[k]
@@ -225,9 +192,8 @@ def slips(p, slow, x):
 
 
 def find_open(p, held, slow, rules, b, x, other, work):
-    """(the largest change of w if a contact that pushes in the least solution x did not, and the
-    row of that contact; 0 and 0 where w is the same).  other: n numbers, the rest as in
-    `find_least`."""
+    """(largest change of w if a closed contact of the least solution x were open, row of that
+    contact); (0, 0) if w does not change. other: n numbers; the rest as in `find_least`."""
     figure, of = 0.0, 0
     for released in range(p.n):
         hold(p, slow, x, rules, b)
@@ -244,8 +210,8 @@ def find_open(p, held, slow, rules, b, x, other, work):
 
 
 def take_least(p, slow, x, look):
-    """Let the solution x of a problem be the least one; returns (unknowns that the laws do not
-    determine, what `find_open` finds if asked to look).  slow: w that is none."""
+    """Replace a solution x by the least one; returns (number of undetermined unknowns, result of
+    `find_open` if `look`). slow: w that counts as zero."""
     n, figure, of = p.n, 0.0, 0
     rules, b = np.empty(n, np.int64), np.empty(n)
     held = p._replace(rules=integers(rules), b=pointer(b))
@@ -265,56 +231,53 @@ def take_least(p, slow, x, look):
 
 
 def solve_near(p, terms, x):
-    """Replace x by the solution near it, or by any other if none is found there."""
+    """Replace x by a solution near it, or by any other one if there is none."""
     numbers = np.empty(p.n * (2 * p.n + 7))
     work = pointer(numbers)
     if find_least(p, p, p.rules, p.b, x, work) < 0 or misfit(p, x, work) > FINE:
         solution(p, terms, x)
 
 
-def take_over(graph, u, x, joints, places, arm, r):
-    """Let the impulses of the rows at these places be r; u and those of the joints follow."""
-    for m in range(places.shape[0]):
-        k, i, taken = places[m], places[m] // CONTACT_ROWS, r[m] * unit_at(places[m], arm)
-        add_impulse(graph.rows, k, u, graph.ends[i, 0], graph.ends[i, 1], taken - x[k])
+def take_over(graph, u, x, joints, laws, ends, r):
+    """Set the impulses of the rows laid out to r; update u and the impulses of the joints."""
+    for m in range(r.shape[0]):
+        k, taken = laws.used[m], r[m] * laws.units[m]
+        add_impulse(graph.rows, k, u, ends[k, 0], ends[k, 1], taken - x[k])
         x[k] = taken
     relax_joints(graph, u, joints)
 
 
 def solve_few(graph, u, x, joints, slow, length, look):
-    """Solve a graph of which `are_few` is true from what sweeps have left, with the least shares
-    where the laws leave them open.
+    """Solve a graph with `are_few` from the result of sweeps, with the least impulses.
 
-    Where contacts of a body contradict each other, as corners that land together but for rounding,
-    the laws are kept on the mean.  slow: velocity that is none; length: of the scene.  Returns
-    (natural map of the laws over the largest impulse, how much shares change of a velocity relative
-    to what impulses make of it, if asked to look, and the number of a contact that has such a
-    share).
+    If contacts of a body contradict each other, such as corners that land together except for
+    rounding, the laws are kept in the mean. slow: velocity that counts as zero; length: of the
+    scene. Returns (natural map of the laws relative to the largest impulse, relative change of a
+    velocity by other solutions if `look`, and a contact of these).
     """
-    arm = unit_of(1.0 / (length * length))
-    places = np.empty(CONTACT_ROWS * graph.ends.shape[0], np.int64)
-    n = list_rows(graph, places)
+    contacts = graph.ends.shape[0]
+    laws = laws_for(CONTACT_ROWS * contacts, contacts)
+    ends, first = np.empty((CONTACT_ROWS * contacts, 2), np.int64), np.zeros(contacts + 1, np.int64)
+    for k in range(ends.shape[0]):
+        first[k // CONTACT_ROWS] = k // CONTACT_ROWS * CONTACT_ROWS
+        for j in range(2):
+            ends[k, j] = graph.ends[k // CONTACT_ROWS, j]
+    n, m = lay_out(graph.rows, graph.rules, first, arm_of(length), ROUGH, laws)
     if n == 0:
         return 0.0, 0.0, 0
-    places = places[:n]
     relax_joints(graph, u, joints)
     alone, A, work = np.empty((n, n)), np.empty((n, n)), np.empty(n * (n + 2))
-    b, terms, step, slack, least = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
-    r, found, limits = np.empty(n), np.empty(n), np.empty(n)
-    rules, bounds = np.empty(n, np.int64), np.empty((n, BOUND_WIDTH), np.int64)
-    fill_problem(graph, u, x, places, arm, alone, b, terms, r)
+    b, terms, step, slack = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    r, found = np.empty(n), np.empty(n)
+    fill_problem(graph, laws, ends, n, u, x, alone, b, terms, r)
     figure, of, rest = 0.0, 0, 0.0
     for _ in range(TURNS):
-        m, viscous = fill_laws(graph, places, r, arm, rules, bounds, limits, slack), False
+        viscous = find_slack(graph, laws, m, r, slack)
         for i in range(n):
             found[i] = r[i]
-            viscous = viscous or slack[i] > 0.0
             for j in range(n):
                 A[i, j] = alone[i, j] + (slack[i] if i == j else 0.0)
-        p = Equations(
-            n, m, pointer(A), pointer(b), pointer(step), integers(rules), pointer(least),
-            integers(bounds), pointer(limits), 0.0,
-        )  # fmt: skip
+        p = problem_of(laws, n, m, A, b, step)
         blur = fill_steps(n, p.A, pointer(terms), p.step)
         p = p._replace(blur=max(blur, slow * largest(step)))
         before = misfit(p, pointer(r), pointer(work))
@@ -330,5 +293,5 @@ def solve_few(graph, u, x, joints, slow, length, look):
             r[k] = found[k]
         if not (viscous and moved > SOLVED * most):
             break
-    take_over(graph, u, x, joints, places, arm, r)
-    return rest, figure, places[of] // CONTACT_ROWS
+    take_over(graph, u, x, joints, laws, ends, r)
+    return rest, figure, laws.used[of] // CONTACT_ROWS

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Projected Gauss-Seidel on the graph of contacts: each contact exactly, one after the other.
+"""Projected Gauss-Seidel on the contact graph: each contact in turn is solved exactly.
 
 The velocities u of the bodies carry the coupling (Catto 2005), so that a sweep costs a fixed number
-of operations a contact and no Delassus matrix is formed.  Every contact solves its own problem with
-friction exactly (Jourdan, Alart, Jean 1998), and so do all joints together.  Sweeps go forwards and
-backwards in turns, from the impulses of the step before.
+of operations per contact and no Delassus matrix is formed. The problem of one contact with friction
+is solved exactly (Jourdan, Alart, Jean 1998), and so are all joints together. Sweeps alternate
+forwards and backwards and start from the impulses of the previous step.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
     FORCE_A,
+    LEAST,
     LIGHT_A,
     LIGHT_B,
     PULLS,
@@ -41,26 +42,24 @@ from rb_sim.contact.contact_graph import (
 )
 from rb_sim.numerics.rank import RANK_TOLERANCE
 
-# One contact alone, exactly: the reaction that Signorini's and Coulomb's laws leave it.
+# The exact reaction of one contact by the laws of Signorini and Coulomb.
 #
-# With the contact's own block W of the Delassus matrix (components normal, first and second
-# tangent) and the velocity q that it would have without its reaction, u = W r + q, one of three
-# holds (Bonnefon and Daviet 2011):
+# With the block W of the Delassus matrix of the contact (normal, first and second tangent) and its
+# velocity q without the reaction, u = W r + q, there are three cases (Bonnefon and Daviet 2011):
 #
 #     it opens    r = 0,  u_n >= 0
 #     it sticks   u = 0,  |r_T| <= mu r_n
 #     it slips    u_n = 0,  r_T = -u_T / lambda with lambda > 0,  |r_T| = mu r_n
 #
-# The slip leaves one equation for lambda, which is solved by Newton's method inside a bracket.
+# A slip requires the solution of one equation for lambda, by Newton's method inside a bracket.
 
 
 ROUNDS = 100
-"""Of Newton's method or bisection for lambda; bisection alone would end within them."""
+"""Maximum number of Newton steps or bisections for lambda; bisection alone ends within them."""
 EXACT = 1e-15
-"""Distance of a reaction from its bound, relative to the reaction, up to which it is at the
-bound."""
+"""Largest distance of a reaction from its bound, relative to the reaction."""
 ROUGH = 1e8
-"""Coefficient of friction beyond which none slips."""
+"""Largest coefficient of friction that is used."""
 
 
 def held_back(a, b, c, p, q, stiff):
@@ -73,7 +72,7 @@ def held_back(a, b, c, p, q, stiff):
 def on_bound(a, b, c, p, q, m0, m1, m2):
     """(x, y) = -(S + lambda)^-1 (p, q) with lambda >= 0 and |(x, y)| = m0 + m1 x + m2 y.
 
-    To be called where lambda = 0 gives a longer vector than its bound, and m0 > 0.
+    Requires m0 > 0, and a vector beyond its bound for lambda = 0.
     """
     size = math.sqrt(p * p + q * q)
     if m1 == 0.0 and m2 == 0.0 and b == 0.0 and a == c:
@@ -107,7 +106,8 @@ def on_bound(a, b, c, p, q, m0, m1, m2):
 
 
 def within_circle(a, b, c, p, q, most):
-    """(x, y) with S (x, y) + (p, q) = 0, or of size `most` against what is left of it."""
+    """(x, y) with S (x, y) + (p, q) = 0 if its size is at most `most`; else of that size, opposite
+    to S (x, y) + (p, q)."""
     if not most > 0.0:
         return 0.0, 0.0
     x, y = held_back(a, b, c, p, q, 0.0)
@@ -116,13 +116,19 @@ def within_circle(a, b, c, p, q, most):
     return on_bound(a, b, c, p, q, most, 0.0, 0.0)
 
 
-def one_contact(w, q, mu):
+def one_contact(w, q, mu, least):
     """The reaction (r_n, r_1, r_2) of a contact.
 
-    w: its block (nn, n1, n2, 11, 12, 22), positive definite; q: velocity without the reaction.
+    w: its block (nn, n1, n2, 11, 12, 22), positive definite; q: velocity without the reaction;
+    least: r_n, with which it opens.
     """
-    if q[0] >= 0.0:
+    if q[0] >= 0.0 and least == 0.0:
         return 0.0, 0.0, 0.0
+    if least > 0.0:
+        p1, p2, most = q[1] + w[1] * least, q[2] + w[2] * least, min(mu, ROUGH) * least
+        x, y = within_circle(w[3], w[4], w[5], p1, p2, most)
+        if q[0] + w[0] * least + w[1] * x + w[2] * y >= 0.0:
+            return least, x, y
     m1, m2 = w[1] / w[0], w[2] / w[0]
     a, b, c = w[3] - w[1] * m1, w[4] - w[1] * m2, w[5] - w[2] * m2
     p1, p2 = q[1] - m1 * q[0], q[2] - m2 * q[0]
@@ -137,21 +143,21 @@ def one_contact(w, q, mu):
     return math.sqrt(x * x + y * y) / mu, x, y
 
 
-# The joints of a friction problem, all together: their impulses for the contacts as they are.
+# All joints together: their impulses for given impulses of the contacts.
 #
-# One after the other, as contacts are taken, joints need hundreds of sweeps along a chain.  Their
-# own block of the Delassus matrix is factorised once a step, L D L^T in the order of the rows; a
-# row that depends on others gets no impulse.
+# Joints that are solved in turn need hundreds of sweeps along a chain. Their block of the Delassus
+# matrix is therefore factorised once per step, L D L^T in the order of the rows. Dependent rows get
+# no impulse.
 
 
 MOST_TOGETHER = 240
-"""Rows of joints up to which their block is factorised: it costs their cube."""
+"""Largest number of joint rows whose block is factorised, at a cost of its cube."""
 BODY, PARENT, LEFT_OUT = 0, 1, 2
 """Columns of Graph.joint_ends."""
 
 
 def factor_joints(graph, bodies):
-    """Fill graph.joint_factor: L below its diagonal, 1 / D on it, 0 there for no impulse."""
+    """Write graph.joint_factor: L below its diagonal, 1 / D on it, or 0 for a dependent row."""
     rows, ends, F, diagonal = graph.joint_rows, graph.joint_ends, graph.joint_factor, graph.spare[0]
     w = np.zeros((bodies, 6))
     for k in range(F.shape[0]):
@@ -177,7 +183,7 @@ def factor_joints(graph, bodies):
 
 
 def give_joints(graph, u, d):
-    """Give the joints the impulses by which their rates become d higher, into d and u."""
+    """Write the impulses of the joints that increase their rates by d to d; add them to u."""
     rows, ends, F = graph.joint_rows, graph.joint_ends, graph.joint_factor
     m = F.shape[0]
     for k in range(m):
@@ -192,7 +198,7 @@ def give_joints(graph, u, d):
 
 
 def relax_joints(graph, u, x):
-    """Let all joints hold at once, with the contacts as they are; the largest change [N s]."""
+    """Solve all joints together with given contact impulses; returns the largest change [N s]."""
     rows, ends, d, most = graph.joint_rows, graph.joint_ends, graph.spare[1], 0.0
     m = graph.joint_factor.shape[0]
     if m < rows.shape[0]:
@@ -207,7 +213,7 @@ def relax_joints(graph, u, x):
 
 
 def sweep_joints(graph, u, x):
-    """Let each row of the joints hold in turn; the largest change [N s]."""
+    """Solve each row of the joints in turn; returns the largest change [N s]."""
     rows, ends, most = graph.joint_rows, graph.joint_ends, 0.0
     for k in range(rows.shape[0]):
         b, a = ends[k, BODY], ends[k, PARENT]
@@ -221,7 +227,7 @@ def sweep_joints(graph, u, x):
 
 
 def fill_block(graph, c):
-    """The own block of contact c, with what its support gives."""
+    """Write the block of contact c of the Delassus matrix, with its compliance."""
     k, a, block = CONTACT_ROWS * c, graph.ends[c, 1], graph.blocks
     block[c, 0] = coupled(graph.rows, k, k, a) + graph.rules[c, COMPLIANCE]
     block[c, 1] = coupled(graph.rows, k, k + 1, a)
@@ -232,7 +238,7 @@ def fill_block(graph, c):
 
 
 def changed_to(graph, u, x, k, b, a, value):
-    """Set the impulse of row k; the size of the change."""
+    """Set the impulse of row k; returns the absolute change."""
     change = value - x[k]
     if change != 0.0:
         x[k] = value
@@ -241,14 +247,17 @@ def changed_to(graph, u, x, k, b, a, value):
 
 
 def pair_of_rows(graph, u, x, k, b, a, most, give):
-    """Two rows whose impulses together are at most of size `most`; the size of the change."""
+    """Solve two rows whose impulses have at most the norm `most`; returns the largest change.
+
+    give: compliance of both rows.
+    """
     rows = graph.rows
     A, B = coupled(rows, k, k, a) + give, coupled(rows, k, k + 1, a)
     C = coupled(rows, k + 1, k + 1, a) + give
     p = rate_of(rows, k, u, b, a) - graph.targets[k] + give * x[k] - A * x[k] - B * x[k + 1]
     q = rate_of(rows, k + 1, u, b, a) - graph.targets[k + 1] + give * x[k + 1]
     q -= B * x[k] + C * x[k + 1]
-    if A * C - B * B <= 1e-14 * A * C or A + C == 0.0:  # one of them turns nothing
+    if A * C - B * B <= 1e-14 * A * C or A + C == 0.0:  # one of them has no effect
         return 0.0
     v, w = within_circle(A, B, C, p, q, most)
     change = changed_to(graph, u, x, k, b, a, v)
@@ -272,9 +281,9 @@ def add_contact_impulse(rows, k, u, b, a, d0, d1, d2):
 
 
 def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
-    """Normal and friction of contact c by Coulomb's law, together; the size of the change.
+    """Solve normal force and Coulomb friction of contact c together; returns the largest change.
 
-    Takes the arrays one by one: handed over as a tuple they cost more than the arithmetic.
+    It takes the arrays one by one, since a tuple of them would cost more than the arithmetic.
     """
     k, b, a = CONTACT_ROWS * c, ends[c, 0], ends[c, 1]
     r0, r1, r2 = x[k], x[k + 1], x[k + 2]
@@ -289,11 +298,11 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
     w = (blocks[c, 0], blocks[c, 1], blocks[c, 2], blocks[c, 3], blocks[c, 4], blocks[c, 5])
     q0 -= w[0] * r0 + w[1] * r1 + w[2] * r2
     if rules[c, BOUND] == 0.0:
-        n, y, z = max(0.0, -q0 / w[0]), r1, r2
+        n, y, z = max(rules[c, LEAST], -q0 / w[0]), r1, r2
     else:
         q1 -= w[1] * r0 + w[3] * r1 + w[4] * r2
         q2 -= w[2] * r0 + w[4] * r1 + w[5] * r2
-        n, y, z = one_contact(w, (q0, q1, q2), rules[c, BOUND])
+        n, y, z = one_contact(w, (q0, q1, q2), rules[c, BOUND], rules[c, LEAST])
     d0, d1, d2 = n - r0, y - r1, z - r2
     change = max(abs(d0), max(abs(d1), abs(d2)))
     if change > 0.0:
@@ -303,17 +312,17 @@ def relax_cone(ends, rows, targets, rules, blocks, u, x, c):
 
 
 def viscosity_of(rules, c, normal):
-    """Impulse per slip of the friction of contact c, which has no corner, at a normal impulse."""
+    """Impulse per slip velocity of the viscous friction of contact c at a normal impulse."""
     return rules[c, VISCOUS_PER_NORMAL] * abs(normal) + rules[c, VISCOUS]
 
 
 def relax_in_turn(graph, u, x, c, k, b, a):
-    """Normal first, then friction, where N may pull or friction has no corner."""
+    """Solve the normal force, then the friction, if N may be negative or friction is viscous."""
     rules = graph.rules
     missing = graph.targets[k] - rate_of(graph.rows, k, u, b, a) - rules[c, COMPLIANCE] * x[k]
     value = x[k] + missing / graph.blocks[c, 0]
     if rules[c, PULLS] == 0.0:
-        value = max(0.0, value)
+        value = max(rules[c, LEAST], value)
     change = changed_to(graph, u, x, k, b, a, value)
     if rules[c, BOUND] > 0.0:
         most = rules[c, BOUND] * abs(x[k]) if x[k] != 0.0 else 0.0
@@ -328,7 +337,7 @@ def relax_in_turn(graph, u, x, c, k, b, a):
 
 
 def relax(graph, u, x, c, size):
-    """Solve contact c with the others as they are; the size of the change [N s]."""
+    """Solve contact c with given impulses of the others; returns the largest change [N s]."""
     rules = graph.rules
     if rules[c, PULLS] == 1.0 or rules[c, BOUND] < 0.0:
         change = relax_in_turn(graph, u, x, c, CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1])
@@ -340,7 +349,8 @@ def relax(graph, u, x, c, size):
 
 
 def relax_turning(graph, u, x, c, size):
-    """Moments against rolling and spinning of contact c; the size of the change [N s]."""
+    """Solve the torques against rolling and spinning of contact c; returns the largest change
+    [N s]."""
     k, b, a = CONTACT_ROWS * c, graph.ends[c, 0], graph.ends[c, 1]
     rules, change = graph.rules, 0.0
     if rules[c, ROLLS] > 0.0:
@@ -356,11 +366,12 @@ def relax_turning(graph, u, x, c, size):
 
 
 def is_plain(graph):
-    """Whether the graph is a friction problem with nothing besides."""
+    """Whether the graph has only unilateral contacts with Coulomb friction."""
     plain = graph.joint_rows.shape[0] == 0
     for c in range(graph.ends.shape[0]):
         rules = graph.rules
         more = rules[c, PULLS] != 0.0 or rules[c, ROLLS] > 0.0 or rules[c, SPINS] > 0.0
+        more = more or rules[c, LEAST] > 0.0
         plain = plain and not more and rules[c, BOUND] >= 0.0
     return plain
 
@@ -378,9 +389,9 @@ def largest_of(x, joints):
 def gauss_seidel(graph, u, x, joints, size, tolerance, sweeps):
     """Sweep until no impulse changes by more than `tolerance` of the largest, or `sweeps` times.
 
-    u (velocities that x and `joints` have already been pushed into), x and joints change in place.
-    size: length of the scene, which makes impulses of moments [m].  Returns (largest change of the
-    last sweep over the largest impulse, sweeps made).
+    u: velocities, which include the impulses x and `joints`; all three change in place. size:
+    length of the scene, which converts angular impulses to impulses [m]. Returns (largest change in
+    the last sweep relative to the largest impulse, number of sweeps).
     """
     n, rest, made, plain = graph.ends.shape[0], 0.0, 0, is_plain(graph)
     ends, rows, targets = graph.ends, graph.rows, graph.targets

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Impacts: u+ = u- + M^-1 J^T x, all contacts at once.
+"""Impacts: u+ = u- + M^-1 J^T x, for all contacts together or one at a time.
 
-Newton's restitution v_n+ = -e v_n- where the contact pushes, and Coulomb's law between impulse and
-slip after it; if that would create energy, Poisson's two phases instead, and if they do too, no
-rebound (Glocker, Set-Valued Force Laws, 2001).  Or one contact after the other, the fastest first,
-as elastic bodies that are hard and touch at single points do (Newton's cradle).
+The laws are Newton's restitution v_n+ = -e v_n- for contacts with an impulse, and Coulomb's law
+between impulse and slip after the impact. If that would increase the energy, Poisson's two phases
+are used, and if these do as well, no rebound (Glocker, Set-Valued Force Laws, 2001). One at a time,
+the fastest contact first, suits hard elastic bodies that touch at points (Newton's cradle).
 """
 
 from __future__ import annotations
@@ -25,23 +25,16 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.assembly import (
-    NO_ROW,
     NOT_FINITE,
     SOLVED,
     UNSOLVED,
     VELOCITY,
     Velocities,
-    add_bounds,
-    add_contact,
-    add_row,
     along_rows,
     assemble,
-    inverse_mass_times,
-    measure_moments,
-    momentum_of,
-    problem_of,
+    lay_out_in,
+    push,
     read_velocities,
-    row_times,
     solve_in,
     write_all_rows,
 )
@@ -61,6 +54,18 @@ from rb_sim.contact.event_workspace import (
     workspace_left,
 )
 from rb_sim.contact.few_contacts import take_least
+from rb_sim.contact.problem import (
+    APART,
+    BOUND,
+    FREE,
+    HOLDS,
+    LEAST,
+    PART,
+    PULLS,
+    ROLLS,
+    SPINS,
+    problem_of,
+)
 from rb_sim.mechanics.contact.accelerations import contact_accelerations
 from rb_sim.mechanics.contact.constraint_tables import traction_over_normal_force
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -77,31 +82,23 @@ from rb_sim.mechanics.contact.contact_bodies import (
     first_row_of,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, PARENT, RESPONSE, WIDTH
-from rb_sim.numerics.complementarity import EQUALITY, FRICTION, UNILATERAL, fill_steps
+from rb_sim.numerics.complementarity import fill_steps
 from rb_sim.numerics.kernels import pointer
 
-# Series of impacts without end: bounces closed at once, chatter, flights between.
-
-
-# Changes of contacts that follow each other as if without end, and what is done about them.
-#
-# They are leapt over (see `instant.leap`).
+# Endless series of contact changes: they are skipped (see `instant.leap`).
 
 
 AT_ONCE = 50
-"""Rounds of impacts at one instant that are taken to have no end."""
+"""Number of rounds of impacts at one instant from which a series counts as endless."""
 CHANGES_IN_LEAP = 10
-"""Changes within DENSE that are taken to have no end."""
+"""Number of changes within DENSE from which a series counts as endless."""
 DENSE, LONGEST_LEAP = 1e-6, 1e-3
 """Intervals, in natural units: changes of contacts within DENSE count as simultaneous, and
 LONGEST_LEAP is the longest time that is skipped after an endless series of them."""
 
 
 class Chatter:
-    """The changes of a run so far, as far as they tell those without end.
-
-    unit: the scene's natural time [s].
-    """
+    """Detects endless series of contact changes. unit: the scene's natural time [s]."""
 
     def __init__(self, unit: float) -> None:
         self._short = DENSE * unit
@@ -110,62 +107,58 @@ class Chatter:
         self._leapt = (-math.inf, 0.0)
 
     def is_endless(self, t: float) -> bool:
-        """Count a change at t; True where changes follow each other as if without end."""
+        """Count a change at t [s]; returns whether it belongs to an endless series."""
         self._changes.append(t)
         full = len(self._changes) == CHANGES_IN_LEAP
         return full and t - self._changes[0] < self._short
 
     def length_of_leap(self, t: float) -> float:
-        """A time too short to matter [s]; longer if one has just been leapt over."""
+        """Time to be skipped at t [s]: negligible, and longer if one has just been skipped."""
         end, length = self._leapt
         return min(4.0 * length, self._longest) if t - end < 10.0 * length else self._short
 
     def leapt(self, end: float, length: float) -> None:
-        """A time of this length, to its end, has been leapt over [s]."""
+        """Record that a time of this length, up to `end`, has been skipped [s]."""
         self._leapt = (end, length)
         self._changes.clear()
 
 
-# Bounces that have no end: which contacts strike and are at rest at once instead, and when the
-# series of their bounces would be over.
-#
-# With e below 1 the times between bounces shrink by e each, and their sum is known from one of
-# them.
+# Endless bounces: with e < 1 the time between bounces shrinks by the factor e each time, so that
+# the end of the series is known from one bounce. There the contact closes.
 
 
 ZENO_HEIGHT = 1e-11
 """Height of the next bounce, relative to the length of the scene, below which a contact closes:
 the neglected motion is of that size, and the time of rest is known from the series."""
 ZENO_BOUNCES = 3
-"""Impacts in a row before one is taken to belong to an endless series."""
+"""Number of successive bounces from which they count as an endless series."""
 LAST, BEST, CHANGE = range(3)
-"""Columns of `rests`: when a series will be over [s] seen from the last bounce, where two bounces
-that follow each other agree best, and by how much they agree.
-
-Low bounces know it best where the fall changes; but rounding of the height, over their speed, is
-the larger the lower they are."""
+"""Columns of `rests`: end of the series [s] estimated from the last bounce; the best estimate, for
+which two successive bounces agree best; and their difference. Low bounces are more accurate if the
+acceleration changes, but their relative rounding error is larger."""
 
 
 def forget_bounces(workspace: Workspace) -> None:
-    """There have been none."""
+    """Reset the counts of bounces."""
     workspace.bounces[:] = 0
     workspace.rests[:] = math.inf
 
 
 def acceleration_along(system, workspace, k):
-    """Of row k, J du/dt plus what velocities give it [m/s^2], from the accelerations at hand."""
+    """Acceleration along row k, J du/dt plus velocity terms [m/s^2], from the accelerations in the
+    tables."""
     s = workspace.row_bias[k]
     b, a = system.row_table[k, BODY], system.row_table[k, PARENT]
     for j in range(6):
-        s += workspace.J[k, 6 * b + j] * system.bodies[b, RESPONSE + j]
+        s += workspace.all_rows[k, j] * system.bodies[b, RESPONSE + j]
     if a >= 0:
         for j in range(6):
-            s += workspace.J[k, 6 * a + j] * system.bodies[a, RESPONSE + j]
+            s += workspace.all_rows[k, 6 + j] * system.bodies[a, RESPONSE + j]
     return s
 
 
 def free_normal_acceleration(system, workspace, t, y, c):
-    """Of the gap, with contact c open and the others as they are [m/s^2]."""
+    """Acceleration of the gap of contact c if it is open and the others are unchanged [m/s^2]."""
     mode = system.contact_table[c, CLOSED]
     system.contact_table[c, CLOSED] = 0.0
     contact_accelerations(system, t, y)
@@ -174,14 +167,14 @@ def free_normal_acceleration(system, workspace, t, y, c):
 
 
 def is_low(system, workspace, t, y, c):
-    """True if contact c falls from, or rises to, a height that is too low to tell."""
+    """Whether contact c falls from, or rises to, a height below ZENO_HEIGHT."""
     fall = -free_normal_acceleration(system, workspace, t, y, c)
     height = 0.5 * system.contact_table[c, GAP_RATE] ** 2
     return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
 
 
 def see_rest(workspace, c, t):
-    """One more bounce of contact c tells that its series will be over at t."""
+    """Add the end t of the series that a further bounce of contact c predicts."""
     change = abs(t - workspace.rests[c, LAST])
     if change <= workspace.rests[c, CHANGE]:
         workspace.rests[c, BEST], workspace.rests[c, CHANGE] = t, change
@@ -189,7 +182,7 @@ def see_rest(workspace, c, t):
 
 
 def close_endless(system, workspace, t, y):
-    """Contacts whose further bounces would all be over at once become plastic, and no others."""
+    """Make exactly those contacts plastic whose further bounces would be below ZENO_HEIGHT."""
     table = system.contact_table
     for c in range(table.shape[0]):
         workspace.plastic[c] = 0
@@ -207,8 +200,8 @@ def close_endless(system, workspace, t, y):
 
 
 def close_rocking(system, workspace, t, y):
-    """Contacts that strike and part in turns, too low to tell, close together; returns whether
-    there are any."""
+    """Mark contacts that have impacts in alternation, below ZENO_HEIGHT, to close together; returns
+    whether there are any."""
     table, velocity_tolerance, count = system.contact_table, velocity_tolerance_of(system), 0
     low, struck = True, False
     for c in range(table.shape[0]):
@@ -236,7 +229,7 @@ def close_rocking(system, workspace, t, y):
 
 
 def count_bounces(workspace):
-    """An impact has been: contacts that part after it have bounced once more, others rest."""
+    """Count a bounce of the contacts that separate after an impact; reset the others."""
     for c in range(workspace.rests.shape[0]):
         if workspace.rebounding[c] == 1:
             workspace.bounces[c] += 1
@@ -246,22 +239,23 @@ def count_bounces(workspace):
                 workspace.rests[c, j] = math.inf
 
 
-# Flights that an instant begins: how long they may be.
+# The length of flights that begin at an instant.
 
 
 HELD_DOWN = 1e-6
 """Acceleration towards the support, in natural units, above which a contact that has just opened
 would close again at once."""
 LANDED = 2.4
-"""Times to the top of a flight after which it is over, also where its fall changes a little."""
+"""Time, relative to that up to the top of a flight, after which the flight has ended even if the
+acceleration changes a little."""
 
 
 def time_of_flights(system, workspace, t, y, fixed):
-    """(time within which the flights that begin here have to be looked at [s], inf where there are
-    none; 0, or 1 + a contact whose drag lifts off what falls back at once).
+    """(time within which the flights that begin here end [s], inf without any; 0, or 1 + a contact
+    whose drag lifts a body that falls back at once).
 
-    A flight is to end within it.  One so low that rounding of gaps may hide it has to be cut at
-    its top, as any where steps are fixed.
+    A flight so low that rounding of gaps may hide it, and any flight with fixed steps, must have a
+    step end at its top.
     """
     table, length, dragged = system.contact_table, math.inf, 0
     near, natural = TOUCHING * system.length, system.speed**2 / system.length
@@ -279,108 +273,88 @@ def time_of_flights(system, workspace, t, y, fixed):
     return length, dragged
 
 
-# The impulses of an impact by one rule: the problem between them and the velocities after it.
-#
-# Newton's restitution is v_n+ = -e v_n- where the contact pushes, with Coulomb's law between
-# impulse and slip after it; Poisson's is compression to rest, then e times its impulse once more
-# (Glocker, Set-Valued Force Laws, 2001).
+# The impulses of an impact by one rule.
 
 
 class Rule(NamedTuple):
-    """What is asked of an impact."""
+    """The laws of an impact."""
 
     rebound: Any
     """e of each contact, (C,)."""
     least: Any
     """least impulse of each contact, (C,)."""
     together: bool
-    """what is not to part holds both ways."""
+    """whether contacts that are marked to close together are bilateral."""
     stop: bool
-    """what is perfectly rough stops slipping, also where no impulse would be needed; as it does
-    where there are no other impulses."""
+    """whether perfectly rough contacts stop slipping, even if that requires no normal impulse."""
 
 
 def grips(system, c, v):
-    """True if contact c is perfectly rough and does not part."""
+    """Whether contact c is perfectly rough and does not separate."""
     rough = system.contact_table[c, KINETIC] == math.inf
     return rough and v[first_row_of(system, c)] <= velocity_tolerance_of(system)
 
 
 def friction_limits(system, c, v):
-    """Largest tangential over normal impulse of contact c: what its law gives at the slip before
-    the impact."""
+    """Largest tangential over normal impulse of contact c, by its law at the slip before it."""
     k = first_row_of(system, c)
     return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
-def lay_out_impact(system, workspace, v, together, loose):
-    """The rows and laws of an impact of what takes part; returns (rows, bounds).
+def lay_out_impact(system, workspace, v, rule, loose):
+    """Write rows and laws of an impact of the participating contacts; returns (rows, bounds).
 
-    loose: what is perfectly rough and does not part has no friction but holds.
+    loose: perfectly rough contacts that do not separate have zero slip without a normal impulse.
     """
-    table, n, m = system.contact_table, 0, 0
-    for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, EQUALITY)
+    table, rules = system.contact_table, workspace.contact_rules
     for c in range(table.shape[0]):
-        if workspace.taking_part[c] != 1:
-            continue
-        k = first_row_of(system, c)
-        both = table[c, BILATERAL] == 1.0 or (together and workspace.together[c] == 1)
-        slide = EQUALITY if loose and grips(system, c, v) else FRICTION
-        limits = friction_limits(system, c, v), table[c, ROLLING_ARM], table[c, SPINNING_ARM]
-        ways = (
-            slide if limits[0] > 0.0 else NO_ROW,
-            FRICTION if limits[1] > 0.0 else NO_ROW,
-            FRICTION if limits[2] > 0.0 else NO_ROW,
-        )
-        n = add_contact(workspace, n, k, EQUALITY if both else UNILATERAL, ways)
-        m = add_bounds(workspace, m, c, k, ways, limits)
-    return n, m
+        both = table[c, BILATERAL] == 1.0 or (rule.together and workspace.together[c] == 1)
+        rules[c, PART] = FREE if workspace.taking_part[c] == 1 else APART
+        rules[c, PULLS], rules[c, LEAST] = 1.0 if both else 0.0, rule.least[c]
+        rules[c, BOUND] = HOLDS if loose and grips(system, c, v) else friction_limits(system, c, v)
+        rules[c, ROLLS] = table[c, ROLLING_ARM]
+        rules[c, SPINS] = table[c, SPINNING_ARM]
+    return lay_out_in(system, workspace)
 
 
 def take_least_shares(system, workspace, m, A, b, terms, x):
-    """Where impulses have many solutions, let x be the least of them, as in time stepping (see
-    `few_contacts`); workspace.undetermined tells how far others end in another motion.
+    """Replace impulses x that are not unique by the least ones, as in time stepping (few_contacts);
+    workspace.undetermined[0]: largest difference of the motion after other solutions.
 
-    How the corners of a face share an impulse is not in the laws, and rounding would choose. Where
-    they slip in several directions the friction, and the motion, depend on it.
+    The laws do not determine how the corners of a face share an impulse, and rounding would choose.
+    If they slip in different directions, friction and motion depend on it.
     """
     n = x.shape[0]
-    least, step, units = x.copy(), np.empty(n), np.empty(n)
-    measure_moments(system, workspace, n, m, A, b, terms, units)
-    for i in range(n):
-        least[i] /= units[i]
+    least, step = x.copy(), np.empty(n)
     p = problem_of(workspace, n, m, A, b, step)
     p = p._replace(blur=fill_steps(n, p.A, pointer(terms), p.step))
     free, figure, _ = take_least(p, velocity_tolerance_of(system), pointer(least), True)
     if free > 0:
         workspace.undetermined[0] = max(workspace.undetermined[0], figure)
         for i in range(n):
-            x[i] = units[i] * least[i]
+            x[i] = least[i]
 
 
 def try_impulses(system, workspace, before, rule, loose, x):
-    """As `impulses_with`, of one set of laws."""
-    n, m = lay_out_impact(system, workspace, before.v, rule.together, loose)
+    """As `impulses_with`, for one set of laws."""
+    n, m = lay_out_impact(system, workspace, before.v, rule, loose)
     A, b, terms, found = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
-    assemble(system, workspace, VELOCITY, n, before, 1.0, A, b, terms)
+    assemble(system, workspace, VELOCITY, n, before.u, 1.0, A, b, terms)
     for c in range(system.contact_table.shape[0]):
         if workspace.taking_part[c] == 1:
-            i = workspace.place_of[first_row_of(system, c)]
-            b[i] *= 1.0 + rule.rebound[c]
-            workspace.least[i] = rule.least[c]
+            b[workspace.place_of[first_row_of(system, c)]] *= 1.0 + rule.rebound[c]
     status = solve_in(workspace, n, m, A, b, terms, found)
     if status == SOLVED:
         take_least_shares(system, workspace, m, A, b, terms, found)
     for k in range(x.shape[0]):
         x[k] = 0.0
     for i in range(n):
-        x[workspace.used[i]] = found[i]
+        x[workspace.used[i]] = workspace.units[i] * found[i]
     return status
 
 
 def impulses_with(system, workspace, before, rule, x):
-    """Into x the impulses with w = A x + v + e v-, of all rows; returns SOLVED, UNSOLVED or
+    """Write the impulses of all rows, with w = A x + v + e v-, to x; returns SOLVED, UNSOLVED or
     NOT_FINITE."""
     holding = False
     for c in range(system.contact_table.shape[0]):
@@ -389,41 +363,31 @@ def impulses_with(system, workspace, before, rule, x):
     if not (rule.stop and holding):
         status = try_impulses(system, workspace, before, rule, False, x)
     if status == UNSOLVED and holding:
-        # what is perfectly rough stops the slip even where that alone lifts it off
+        # perfectly rough contacts stop slipping even if that alone opens them
         status = try_impulses(system, workspace, before, rule, True, x)
     return status
 
 
 def gains_energy(system, workspace, u, x):
-    """True if the impulses would create kinetic energy (driven supports may)."""
-    p, du = np.empty_like(u), np.empty_like(u)
-    momentum_of(system, workspace.J, x, p)
-    inverse_mass_times(system, p, du)
-    work, size = 0.0, 1e-300
-    for j in range(u.shape[0]):
-        work += p[j] * (u[j] + 0.5 * du[j])
-        size += abs(p[j]) * abs(u[j])
+    """Whether the impulses would increase the kinetic energy, other than by driven supports."""
+    work, size = push(system, workspace, x, u, np.empty_like(u))
     for k in range(x.shape[0]):
         work -= x[k] * workspace.row_rate[k]
     return work > COMPUTED_ROUNDING * size
 
 
 def poisson_impulses(system, workspace, before, rebound, x):
-    """Into x those of compression to rest, then of at least e times its normal impulse once
-    more."""
+    """Write the impulses by Poisson's law to x: compression to rest, then at least e times its
+    normal impulse once more."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)
-    first, p, du = np.empty_like(x), np.empty_like(before.u), np.empty_like(before.u)
+    first, compressed = np.empty_like(x), Velocities(np.empty_like(before.u), np.empty_like(x))
     status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
     if status != SOLVED:
         return status
     for c in range(least.shape[0]):
         least[c] = rebound[c] * first[first_row_of(system, c)]
-    momentum_of(system, workspace.J, first, p)
-    inverse_mass_times(system, p, du)
-    after = np.empty_like(x)
-    for k in range(x.shape[0]):
-        after[k] = before.v[k] + row_times(system, workspace.J, k, du)
-    compressed = Velocities(before.u, after)
+    push(system, workspace, first, before.u, compressed.u)
+    along_rows(system, workspace, compressed.u, compressed.v)
     status = impulses_with(system, workspace, compressed, Rule(none, least, False, False), x)
     for k in range(x.shape[0]):
         x[k] += first[k]
@@ -431,40 +395,36 @@ def poisson_impulses(system, workspace, before, rebound, x):
 
 
 NOTHING, STRUCK, NO_IMPULSES, OVERFLOWN, GOES_ON, ENDLESS = range(6)
-"""What rounds of impacts come to: nothing approaches; something was struck; the laws have no
-solution; numbers that are not finite; there are more rounds to come; all have been."""
+"""Result of rounds of impacts: no contact approaches; there was an impact; the laws have no
+solution; numbers are not finite; to be continued; all rounds made."""
 TIED = 1e-9
-"""Relative difference of approach speeds up to which two contacts are equally fast: for an edge
-that lands, rounding must not decide which corner strikes first."""
+"""Relative difference of approach speeds up to which two contacts are equally fast, so that
+rounding does not choose which corner of an edge has the first impact."""
 
 
 def must_stop_slipping(system, c):
-    """A perfectly rough contact that has just come to be, does not part, and slips."""
+    """Whether contact c is perfectly rough, closed, not separating, and slips."""
     table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
     stays = table[c, CLOSED] == 1.0 and table[c, GAP_RATE] <= velocity_tolerance
     return table[c, STATIC] == math.inf and stays and slip_speed(system, c) > velocity_tolerance
 
 
 def apply_impulses(system, workspace, t, y, x):
-    """Add the impulses to the velocities, and their work to that of the contacts."""
-    u, p = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.free_accelerations)
-    du = np.empty_like(u)
+    """Add the impulses to the velocities, and their work to that of the contacts, in y."""
+    u = np.empty_like(workspace.free_accelerations)
+    after = np.empty_like(u)
     read_velocities(system, y, u)
-    momentum_of(system, workspace.J, x, p)
-    inverse_mass_times(system, p, du)
-    work = 0.0
+    work, _ = push(system, workspace, x, u, after)
     for i in range(system.bodies.shape[0]):
         for j in range(6):
-            k = 6 * i + j
-            y[WIDTH * i + 7 + j] = u[k] + du[k]
-            work += p[k] * (u[k] + 0.5 * du[k])
+            y[WIDTH * i + 7 + j] = after[i, j]
     y[WIDTH * system.bodies.shape[0]] += work
     write_all_rows(system, t, y, workspace)
 
 
 def impulses_of_strike(system, workspace, before, fastest, x):
-    """Into x the impulses of what takes part, by the first of the rules that has some and gains no
-    energy."""
+    """Write the impulses of the participating contacts to x, by the first rule that has a solution
+    without a gain of energy."""
     table, contacts = system.contact_table, system.contact_table.shape[0]
     rebound, none, any_together = np.zeros(contacts), np.zeros(contacts), False
     workspace.undetermined[0] = 0.0
@@ -490,11 +450,11 @@ def impulses_of_strike(system, workspace, before, fastest, x):
 
 
 def strike(system, workspace, t, y, alone):
-    """Let what approaches strike; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
+    """One impact of the approaching contacts; returns NOTHING, STRUCK, NO_IMPULSES or OVERFLOWN.
 
     `workspace.plastic`: contacts without rebound; `workspace.together`: touching ones that do not
-    part either; alone: only the contact that approaches fastest, and those as fast. The impulses go
-    into the workspace, and `workspace.rebounding` becomes 1 for contacts that separate after it.
+    separate either; alone: only the fastest contact, and equally fast ones. Impulses are in the
+    workspace, and `workspace.rebounding` is 1 for contacts that separate afterwards.
     """
     table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
     fastest, strikes = find_touching(system, workspace), False
@@ -532,10 +492,10 @@ def strike(system, workspace, t, y, alone):
 
 
 def strike_in_rounds(system, workspace, t, y, first, last, single):
-    """Rounds of impacts from the first on until nothing approaches; an endless series of bounces is
-    closed. single: so many rounds strike one contact at a time.
+    """Rounds of impacts first to last - 1, until no contact approaches; endless bounces are closed.
 
-    Returns (what it comes to, the next round); GOES_ON where there is no room for more notes.
+    single: number of rounds with one contact at a time. Returns (result, next round); GOES_ON if
+    the workspace has no room for more notes.
     """
     contacts = system.contact_table.shape[0]
     for n in range(first, last):
@@ -544,9 +504,7 @@ def strike_in_rounds(system, workspace, t, y, first, last, single):
         close_endless(system, workspace, t, y)
         rocks = close_rocking(system, workspace, t, y)
         for c in range(contacts):
-            if (
-                0 < single <= n or workspace.together[c] == 1
-            ):  # no end: what it leaves is taken together
+            if 0 < single <= n or workspace.together[c] == 1:  # endless: the rest all together
                 workspace.plastic[c] = 1
         status = strike(system, workspace, t, y, n < single and not rocks)
         if status != STRUCK:

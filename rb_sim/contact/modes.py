@@ -7,10 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Which contacts go on closed, slip, stick or roll: the laws between forces and accelerations.
+"""Modes of contacts: which ones stay closed, slip, stick, roll or spin.
 
-A closed contact pushes or opens, friction bounds the force at rest and opposes the slip that begins
-(LL 38; Moreau 1988); solved for all contacts at once.
+They follow from the laws between forces and accelerations (LL 38; Moreau 1988), solved for all
+contacts together: a closed contact pushes or opens, friction is bounded at rest and opposes the
+slip that begins.
 """
 
 from __future__ import annotations
@@ -23,19 +24,12 @@ from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
 from rb_sim.contact.assembly import (
     ACCELERATION,
     CANDIDATE,
-    NO_ROW,
     NOT_FINITE,
     PRESSED,
     SOLVED,
-    Velocities,
-    add_contact,
-    add_row,
     assemble,
-    fill_delassus,
     lay_out_forces,
     solve_in,
-    velocity_after,
-    ways_at_rest,
     write_all_rows,
 )
 from rb_sim.contact.event_workspace import (
@@ -45,6 +39,7 @@ from rb_sim.contact.event_workspace import (
     turning,
     velocity_tolerance_of,
 )
+from rb_sim.contact.problem import fill_delassus, problem_of
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
@@ -79,46 +74,45 @@ from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import vec
 from rb_sim.mechanics.systems.multibody import write_rows
-from rb_sim.numerics.complementarity import EQUALITY
+from rb_sim.numerics.complementarity import row_times
 from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.linear_solves import triangular
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, LEAST_SINGULAR
 from rb_sim.numerics.vectors import add, norm, perpendicular, scale
 
-# The rows that hold at rest, and whether they have one set of reactions.
+# Whether the reactions of the active rows are unique.
 
 
 FEW = 20
-"""Rows up to which pivots tell that they do not depend on each other."""
+"""Maximum number of rows for which pivots prove that they are independent."""
 
 
-def find_held(system, workspace):
-    """Rows of the joints and of what rests, in order, into `workspace.used`; returns how many."""
-    table, n = system.contact_table, 0
-    for k in range(first_row_of(system, 0)):
-        n = add_row(workspace, n, k, EQUALITY)
+def lay_out_held(system, workspace):
+    """Write rows and laws of joints and closed contacts in their modes; returns (rows, bounds)."""
+    table = system.contact_table
     for c in range(table.shape[0]):
-        if table[c, CLOSED] != 0.0:
-            normal = EQUALITY if table[c, COMPLIANT] == 0.0 else NO_ROW
-            n = add_contact(workspace, n, first_row_of(system, c), normal, ways_at_rest(table, c))
-    return n
+        part = PRESSED if table[c, COMPLIANT] == 1.0 else CANDIDATE
+        workspace.taking_part[c] = part if table[c, CLOSED] != 0.0 else 0
+        for way in range(3):
+            workspace.moved[c, way] = 0
+    return lay_out_forces(system, workspace)
 
 
 def may_share(system, workspace):
-    """False where what holds has one set of reactions for certain; no self-stress is kept then.
+    """Whether the reactions may be not unique; it resets SHARES.
 
     The smallest pivot of n columns is at most 2^n sqrt(n) times the smallest singular value (Golub
     and Van Loan, Matrix Computations, 5.5.7).
     """
     for k in range(system.vectors.shape[1]):
         system.vectors[SHARES, k] = 0.0
-    n = find_held(system, workspace)
+    n, _ = lay_out_held(system, workspace)
     if n == first_row_of(system, 0):
         return False
     if n > FEW:
         return True
-    A, work = np.empty((n, n)), np.zeros(2 * n)
-    fill_delassus(system, workspace.J, workspace.W, workspace.used, n, A)
+    A, work, w = np.empty((n, n)), np.zeros(2 * n), np.zeros_like(workspace.free_accelerations)
+    fill_delassus(workspace.all_rows, workspace.all_pushes, system.row_table, workspace, n, w, A)
     R = pointer(A)
     rank = triangular(R, n, pointer(work), part(pointer(work), n), LEAST_SINGULAR)
     smallest = abs(R[n * n - 1]) if rank == n else 0.0
@@ -126,11 +120,12 @@ def may_share(system, workspace):
 
 
 MODE_ROUNDS = 8
+"""Maximum number of rounds in which contacts begin to move."""
 BEGINS = 1e-10
 """Acceleration, relative to the largest, above which a contact opens or begins to slip or roll."""
 WHOLE, JAMMED_ONES, TOO_LARGE = 0, 1, 2
-"""What the choice comes to: modes; no force keeps a slipping contact from penetrating (Painleve's
-paradox); numbers that are not finite."""
+"""Result of the choice: modes found; no force prevents a slipping contact from penetrating
+(Painleve's paradox); numbers are not finite."""
 
 
 def open_contact(table, c):
@@ -143,9 +138,9 @@ def open_contact(table, c):
 
 
 def sort_contacts(system, workspace, code):
-    """Which contacts may close, and which compliant ones are pressed, into `workspace.taking_part`;
-    opens all others. code: (contact, kind) of the event that led here, -1 of none; returns how
-    many there are."""
+    """Write the contacts that may close, and the compressed compliant ones, into
+    `workspace.taking_part`, and open all others; returns their number. code: (contact, kind) of the
+    event that led here, -1: none."""
     table, velocity_tolerance, count = system.contact_table, velocity_tolerance_of(system), 0
     for c in range(table.shape[0]):
         both, part = table[c, BILATERAL] == 1.0, 0
@@ -170,7 +165,7 @@ def sort_contacts(system, workspace, code):
 
 
 def first_guess(system, c, lifts_off):
-    """Sliding where it moves; stuck, until the solve says otherwise, where it does not."""
+    """Set the initial modes of contact c: sliding if it moves, else stuck."""
     table, velocity_tolerance = system.contact_table, velocity_tolerance_of(system)
     if table[c, NORMAL_SIGN] == 0.0:
         table[c, NORMAL_SIGN] = 1.0
@@ -196,17 +191,17 @@ def first_guess(system, c, lifts_off):
 
 
 def size_of(w, workspace, i):
-    """|w| of the rows of the i-th bound."""
+    """|w| of the rows of bound i."""
     first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     return math.hypot(w[first], w[second]) if second >= 0 else abs(w[first])
 
 
 def begin_to_move(system, workspace, i, x, w, size):
-    """Stuck, or sliding from rest in the direction in which it starts, of the i-th bound."""
+    """Set the mode of bound i: stuck, or sliding in the direction in which it begins."""
     table, c, way = system.contact_table, workspace.moves[i, 0], workspace.moves[i, 1]
     first, second = workspace.bounds[i, 0], workspace.bounds[i, 1]
     rate = size_of(w, workspace, i)
-    begins = rate > BEGINS * size / (1.0 if way == 0 else system.length)
+    begins = rate > BEGINS * size
     if not begins and workspace.moved[c, way] == 0:
         table[c, SLIDE + way] = STUCK
         return
@@ -225,12 +220,13 @@ def begin_to_move(system, workspace, i, x, w, size):
 
 
 def read_modes(system, workspace, n, m, x, w):
-    """Modes from forces x and accelerations w of n rows."""
+    """Set the modes from forces x and accelerations w of n rows, in the units of Laws.units."""
     table, size, most = system.contact_table, 0.0, 0.0
     for i in range(n):
         size = max(size, abs(w[i]))
-    for j in range(workspace.free_accelerations.shape[0]):
-        most = max(most, abs(workspace.free_accelerations[j]))
+    for i in range(workspace.free_accelerations.shape[0]):
+        for j in range(6):
+            most = max(most, abs(workspace.free_accelerations[i, j]))
     size += most
     for c in range(table.shape[0]):
         if workspace.taking_part[c] != CANDIDATE:
@@ -245,8 +241,8 @@ def read_modes(system, workspace, n, m, x, w):
             begin_to_move(system, workspace, i, x, w, size)
 
 
-def moving(workspace):
-    """How many have left their rest."""
+def count_moved(workspace):
+    """Number of motions (slip, roll, spin) that have begun."""
     count = 0
     for c in range(workspace.moved.shape[0]):
         for way in range(3):
@@ -255,27 +251,26 @@ def moving(workspace):
 
 
 def find_forces(system, workspace, t, y):
-    """Solve for forces and accelerations; writes the modes that follow into the table. Returns what
-    becomes of it (see laws)."""
-    unread = Velocities(workspace.free_accelerations, workspace.row_rate)
+    """Solve for forces and accelerations, and write the modes into the table of contacts; returns
+    SOLVED, UNSOLVED or NOT_FINITE."""
     for _ in range(MODE_ROUNDS):
         write_all_rows(system, t, y, workspace)
         n, m = lay_out_forces(system, workspace)
         A, b, terms = np.empty((n, n)), np.empty(n), np.empty(n)
         x, w = np.empty(n), np.empty(n)
-        assemble(system, workspace, ACCELERATION, n, unread, 1.0, A, b, terms)
+        loads = workspace.free_accelerations
+        assemble(system, workspace, ACCELERATION, n, loads, 1.0, A, b, terms)
         status = solve_in(workspace, n, m, A, b, terms, x)
         if status != SOLVED:
             return status
+        p = problem_of(workspace, n, m, A, b, terms)
         for i in range(n):
-            w[i] = velocity_after(A, b, i, x)
-        before = moving(workspace)
+            w[i] = row_times(p, i, pointer(x))
+        before = count_moved(workspace)
         read_modes(system, workspace, n, m, x, w)
-        if moving(workspace) == before:
+        if count_moved(workspace) == before:
             return SOLVED
-        for c in range(
-            system.contact_table.shape[0]
-        ):  # the kinetic law now holds for what began to slide
+        for c in range(system.contact_table.shape[0]):  # moving contacts have kinetic friction
             if workspace.taking_part[c] != 0:
                 system.contact_table[c, CLOSED] = 1.0
                 first_guess(system, c, False)
@@ -283,11 +278,11 @@ def find_forces(system, workspace, t, y):
 
 
 def choose(system, workspace, t, y, code):
-    """Decide which contacts are closed, slip, stick, roll, and bring y back to that manifold.
+    """Choose the modes of all contacts, and project y onto their manifold.
 
-    code: (contact, kind) of the event that led here: what it ends does not go on; (-1, -1) of none.
-    `workspace.opened`: contacts that do not close either. `workspace.parted` becomes 1 for
-    what opened while it slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
+    code: (contact, kind) of the event that led here, whose mode has ended; (-1, -1): none.
+    `workspace.opened`: further contacts that must not close. `workspace.parted` becomes 1 for
+    contacts that opened while they slipped. Returns WHOLE, JAMMED_ONES or TOO_LARGE.
     """
     table = system.contact_table
     count = sort_contacts(system, workspace, code)

@@ -7,27 +7,25 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Newton's method in the velocities of the bodies, for heaps that sweeps alone leave unsolved.
+"""Newton's method in the velocities of the bodies, for heaps that sweeps do not solve.
 
-Each contact obeys its law with a slight give around the impulses c that it comes with (a proximal
-step; Rockafellar 1976):
+Each contact law is made slightly compliant about the present impulses c (a proximal step;
+Rockafellar 1976):
 
-    v_n + (r_n - c_n) / s >= 0,  r_n >= 0,  the product none;  Coulomb's law between r_T and
+    v_n + (r_n - c_n) / s >= 0,  r_n >= 0,  product 0;  Coulomb's law between r_T and
     v_T + (r_T - c_T) / g
 
-with s = STIFF and g a grip over the contact's own block of the Delassus matrix.  Where many
-contacts are redundant their laws alone leave the impulses undetermined, and heaps that wedge
-themselves have no solution near by: Newton's method then changes sticking and sliding without end,
-whatever its steps.  With a grip of SOFT, or a softer one, it comes to its end in a few rounds; from
-there the grip is made firmer until the laws themselves are kept well enough, or as long as there is
-a solution.  The
-give is none once the impulses stay what they were: what rests does not creep.  The active set that
-the natural map has (Alart and Curnier 1991) makes the laws linear, r = A - D v; eliminated into the
-balance of momentum,
+with the stiffness s = STIFF and the grip g, both relative to the contact's block of the Delassus
+matrix. With many redundant contacts the impulses are not unique, and wedged heaps may have no
+solution nearby: Newton's method then switches between sticking and sliding without end. With a grip
+of SOFT or less it converges in a few rounds. The grip is then increased until the laws are kept
+well enough, or as long as there is a solution. The compliance has no effect once the impulses no
+longer change, so that bodies at rest do not creep. With the active set of the natural map (Alart
+and Curnier 1991) the laws are linear, r = A - D v. Eliminated from the balance of momentum,
 
     (M + J^T D J) (u+ - u) = J^T (A - D v - r),
 
-which has six unknowns for each body, however many points it touches with.
+this has six unknowns per body, whatever the number of its contact points.
 """
 
 from __future__ import annotations
@@ -36,7 +34,8 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
@@ -45,20 +44,19 @@ from rb_sim.contact.contact_graph import (
     copy_rows,
     rate_of,
 )
-from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 
-# Elimination of a matrix of 6 x 6 blocks, one row and column of blocks for each body.
+# Elimination of a matrix of 6 x 6 blocks, with a row and a column of blocks for each body.
 #
-# Bodies that share no contact share no block: the body with the fewest others left to share one
-# with goes first (least degree), so that few blocks are filled.  There are no pivots.
+# Only bodies in contact with each other share a block. The body with the fewest remaining
+# neighbours is eliminated first (minimum degree), so that few blocks are filled. No pivoting.
 
 
 SIZE = 6
 
 
 def first_of_fewest(linked, done):
-    """The body that is not done and is linked with the fewest that are not."""
+    """The remaining body with the fewest remaining neighbours."""
     best, fewest = -1, linked.shape[0] + 1
     for b in range(linked.shape[0]):
         if done[b] == 1:
@@ -73,8 +71,8 @@ def first_of_fewest(linked, done):
 
 
 def neighbours(linked, done, b, found):
-    """The bodies not done that b is linked with into `found`, and linked with each other, as they
-    are once b is eliminated; returns how many."""
+    """Write the remaining neighbours of b to `found`, and link them with each other, as elimination
+    of b does; returns their number."""
     n = 0
     for a in range(linked.shape[0]):
         if linked[b, a] == 1 and done[a] == 0:
@@ -88,7 +86,7 @@ def neighbours(linked, done, b, found):
 
 
 def factorise_block(H, p):
-    """H_pp = L U in place; False where a pivot is none."""
+    """H_pp = L U in place; returns False if a pivot is zero."""
     for k in range(p, p + SIZE):
         if not abs(H[k, k]) > 0.0:
             return False
@@ -132,9 +130,9 @@ def take_product(H, q, p, s):
 
 
 def eliminate(H, g, linked, order, done, found):
-    """Solve H x = g in place of g; False where a pivot is none.
+    """Solve H x = g in place of g; returns False if a pivot is zero.
 
-    linked: 1 for bodies whose block of H is not zero, shape (N, N); it gets what is filled.
+    linked: 1 for pairs of bodies whose block of H is not zero, (N, N); filled blocks are added.
     order, done, found: workspace, N integers each.
     """
     N = linked.shape[0]
@@ -164,7 +162,7 @@ def eliminate(H, g, linked, order, done, found):
 
 
 def substitute_back(H, g, linked, order, done):
-    """U x = g in place of g; done: 1 for all bodies."""
+    """Solve U x = g in place of g; done: 1 for all bodies."""
     N = linked.shape[0]
     for turn in range(N - 1, -1, -1):
         b = order[turn]
@@ -181,33 +179,30 @@ def substitute_back(H, g, linked, order, done):
 
 
 STIFF = 1e5
-"""Stiffness of a proximal step along normals relative to the contact's own block, and the firmest
-grip along tangents."""
+"""Normal stiffness of a proximal step relative to the contact's block, and the largest grip."""
 SOFT, FIRMER = 1000.0, 10.0
-"""The first grip, and by what it grows; where there is none with it, it shrinks by that."""
+"""The first grip, and the factor of its increase, or of its decrease without a solution."""
 ROUNDS, STAGES, SWEEPS = 8, 12, 10
-"""Rounds of Newton's method with one grip, grips, sweeps before a softer one: the bound of the
-work."""
+"""Maximum number of Newton rounds with one grip, of grips, and of sweeps before a smaller grip."""
 FINER, HARDLY = 1e-2, 0.5
-"""A proximal step whose natural map is below ENOUGH has a solution; it is followed to FINER of what
-the laws are to be kept to where that is less, or as far as rounding lets it: until a round leaves
-more than HARDLY of what there was."""
+"""A proximal step is solved if its natural map is below ENOUGH. It is then refined to FINER times
+the tolerance of the laws, or until a round reduces it by less than the factor HARDLY (rounding)."""
 LOOSE = 1e-2
-"""Natural map of the laws, relative to the largest impulse, above which a grip that is not to be
-had is approached in smaller steps."""
+"""Natural map of the laws, relative to the largest impulse, above which a grip without a solution
+is approached in smaller steps."""
 RIGID = 1e200
-"""Stiffness and grip of the laws themselves."""
+"""Stiffness and grip of the exact laws."""
 
 
 def block_size(blocks, i):
-    """The largest diagonal element of the own block of contact i."""
+    """Largest diagonal element of the block of contact i."""
     return max(blocks[i, 0], max(blocks[i, 3], blocks[i, 5]))
 
 
 def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
-    """Fill r = A - D v of the active set at (u, x); the size of the natural map over the largest
-    impulse.  c: centres of the proximal step; stiff, grip: RIGID for the laws themselves,
-    where A and D are of no use."""
+    """Write A and D of r = A - D v for the active set at (u, x); returns the natural map relative
+    to the largest impulse. c: centres of the proximal step; stiff, grip: RIGID for the exact laws,
+    where A and D have no meaning."""
     most, largest = 0.0, 0.0
     for i in range(ends.shape[0]):
         k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
@@ -255,7 +250,7 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
 
 
 def fill_matrix(ends, rows, bodies, D, H, linked):
-    """H = M + J^T D J; linked: 1 for bodies that a contact which pushes joins."""
+    """Write H = M + J^T D J; linked: 1 for pairs of bodies with an active contact."""
     for i in range(H.shape[0]):
         for j in range(H.shape[1]):
             H[i, j] = 0.0
@@ -294,7 +289,7 @@ def fill_matrix(ends, rows, bodies, D, H, linked):
 
 
 def by_active_set(rows, targets, A, D, u, i, b, a):
-    """Impulses A - D v of contact i at the velocities u."""
+    """The impulses A - D v of contact i at the velocities u."""
     k = CONTACT_ROWS * i
     v0 = rate_of(rows, k, u, b, a) - targets[k]
     v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1]
@@ -333,10 +328,10 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
 
 
 def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
-    """Newton's method on one proximal step around c, from (u, x), until that is solved or the laws
-    themselves are kept to `enough`.
+    """Newton's method on one proximal step about c, from (u, x), until it is solved or the exact
+    laws are kept to `enough`.
 
-    Returns (size of its natural map over the largest impulse, that of the laws, rounds made).
+    Returns (its natural map relative to the largest impulse, that of the exact laws, rounds).
     """
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
@@ -360,15 +355,15 @@ def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
 
 
 def residual_of(graph, u, x, A, D):
-    """Size of the natural map of the laws themselves over the largest impulse; A, D: workspace."""
+    """Natural map of the exact laws relative to the largest impulse; A, D: workspace."""
     ends, rows, targets = graph.ends, graph.rows, graph.targets
     rules, blocks = graph.rules, graph.blocks
     return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
 
 
 def put_into_cones(graph, u, x):
-    """Let no contact pull, nor rub beyond its bound: what Newton's method leaves of a slip that
-    turns is along the edge of the cone, and so out of it; u follows."""
+    """Project the impulses of all contacts onto their friction cones, and update u: Newton's method
+    leaves those of turning slips slightly outside."""
     for i in range(graph.ends.shape[0]):
         k, normal = CONTACT_ROWS * i, max(0.0, x[CONTACT_ROWS * i])
         across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
@@ -381,12 +376,11 @@ def put_into_cones(graph, u, x):
 
 
 def proximal_newton(graph, bodies, u, x, enough):
-    """Solve a graph that is a friction problem with nothing besides (see is_plain), from impulses x
-    that some sweeps have brought near; x and u (velocities that x has been pushed into) change.
+    """Solve a graph with plain Coulomb friction (see is_plain), from the impulses x of some sweeps.
 
-    enough: natural map of the laws themselves, over the largest impulse, at which it ends.  Returns
-    (0 if it has come there, else the natural map with the least give for which there is a solution;
-    that of the laws themselves; rounds made).
+    x and u (velocities, which include x) change in place. enough: natural map of the exact laws,
+    relative to the largest impulse, at which it ends. Returns (0 if that is reached, else the
+    natural map with the largest grip that has a solution; that of the exact laws; rounds).
     """
     n, N = graph.ends.shape[0], bodies.shape[0]
     A, D = np.empty((n, 3)), np.empty((n, 9))
@@ -406,13 +400,13 @@ def proximal_newton(graph, bodies, u, x, enough):
                 copy_rows(best_u, u)
             if not given > enough:
                 break
-            if grip >= STIFF:  # what gives way still is taken into account
+            if grip >= STIFF:  # remove the remaining compliance by new centres
                 copy(c, x)
             grip = min(factor * grip, STIFF)
             continue
         copy(x, best_x)
         copy_rows(u, best_u)
-        if least == 1e300:  # none yet: softer, from nearer by
+        if least == 1e300:  # no solution yet: a smaller grip, after some sweeps
             grip /= FIRMER
             _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, SWEEPS)
             made += more
@@ -421,7 +415,7 @@ def proximal_newton(graph, bodies, u, x, enough):
             copy_rows(best_u, u)
         elif not given > LOOSE:
             break
-        else:  # half the way back, in decades
+        else:  # back by half, on a logarithmic scale
             factor = math.sqrt(factor)
             grip /= factor
     copy(x, best_x)
@@ -433,16 +427,15 @@ def proximal_newton(graph, bodies, u, x, enough):
 
 
 NEAR_SPELLS, NEAR_SPELL = 5, 5
-"""Spells of sweeps of a moving heap that are worth their time before Newton's method, and sweeps in
-one."""
+"""Maximum number of groups of sweeps of a moving heap before Newton's method, and sweeps in one."""
 SPELL = 60
-"""Sweeps before the first call of Newton's method in a heap that rests; twice as many before each
-that follows."""
+"""Number of sweeps before the first call of Newton's method in a heap at rest; it doubles before
+each further call."""
 
 
 def solve_exactly(graph, bodies, u, x, joints, size, tolerance, sweeps):
-    """As `gauss_seidel`, with Newton's method between spells of at most `sweeps` sweeps in all:
-    sweeps come near from anywhere, Newton's method ends them."""
+    """As `gauss_seidel`, with Newton's method between groups of sweeps, `sweeps` in all: sweeps
+    converge from any start, Newton's method fast near the solution."""
     plain, spell, made, rest = is_plain(graph), SPELL, 0, 1.0
     while rest > tolerance and made < sweeps:
         if made > 0 and plain:
@@ -454,10 +447,10 @@ def solve_exactly(graph, bodies, u, x, joints, size, tolerance, sweeps):
 
 
 def sweep_near(graph, u, x, enough):
-    """Spells of sweeps until x is as near to the laws as `enough`, given up when the last one tells
-    that NEAR_SPELLS of them would not do.
+    """Sweep until the natural map is at most `enough`, or until its rate of convergence shows that
+    NEAR_SPELLS groups would not suffice.
 
-    Returns (natural map of the laws over the largest impulse, sweeps made).
+    Returns (natural map of the laws relative to the largest impulse, number of sweeps).
     """
     A, D = np.empty((graph.ends.shape[0], 3)), np.empty((graph.ends.shape[0], 9))
     given, made, expected = residual_of(graph, u, x, A, D), 0, 0.0

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Tunnelling checks: sides and bodies that sink into a support unseen."""
+"""Tunnelling checks: sides of bodies that sink into a support between their contact points."""
 
 from __future__ import annotations
 
@@ -29,19 +29,18 @@ from rb_sim.numerics.rotations import conjugate, product
 from rb_sim.numerics.rotations import rotate as turned
 from rb_sim.numerics.vectors import cross, norm, rotate, sub, unrotate
 
-# Sides that sink in unseen: edges of boxes and rods between the points at which they touch.
+# Edges of boxes and rods between their contact points.
 #
-# A box touches a body's box or cylinder, or a cylinder from outside, with its corners, a rod with
-# its ends.  Where an edge between them crosses the support no point of contact tells it.  Here the
-# edges are looked at in the poses that a run gives: overlap deeper than that of the ends ends the
-# run.
+# A box touches another box or cylinder with its corners, a rod with its ends. If an edge between
+# them crosses the support, no contact point shows it. Here the depth of the edges is computed in
+# the poses of a run; if it is larger than that of the ends, the run ends.
 
 
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUNDS = 48
-"""Of the golden section: the depth has then no more error than rounding."""
+"""Number of golden-section steps, after which the error of the depth is rounding."""
 LEAST_MOVE = 0.1
-"""Share of that depth by which sides that are looked at once have not moved."""
+"""Motion, relative to the allowed depth, below which a side counts as at rest."""
 
 
 def depth_in(support: NamedTuple, x: Array) -> Array:
@@ -61,10 +60,10 @@ def depth_in(support: NamedTuple, x: Array) -> Array:
 
 
 def deepest_of_edges(support: NamedTuple, edges: Array) -> tuple[Array, Array]:
-    """(least signed distance along the edges where it may be below that of the ends, that of the
-    ends), shape (n,), of edges (n, k, 2, 3).
+    """(least signed distance along the edges, least one of their ends), (n,), for edges (n, k, 2,
+    3).
 
-    The distance from a convex body is convex along each edge and changes no faster than its length.
+    The distance from a convex body is convex along an edge, and its slope is at most 1.
     """
     start, along = edges[:, :, 0], edges[:, :, 1] - edges[:, :, 0]
     first, last = depth_in(support, start), depth_in(support, start + along)
@@ -87,8 +86,8 @@ def least_along(support: NamedTuple, start: Array, along: Array) -> Array:
 
 
 def entering(sides: Sides, turn: Array, shift: Array) -> Array:
-    """Least signed distance from the body's own box of what of the support may enter its faces:
-    edges of a box, the extreme points of a cylinder's rims; (n,).
+    """Least signed distance of the support's edges (of a box) or extreme rim points (of a cylinder)
+    from the body's own box, (n,).
 
     turn, shift: from the parent's coordinates to the body's.
     """
@@ -127,35 +126,34 @@ def poses(sides: Sides, times: Array, y: Array) -> tuple[Array, Array]:
 
 
 def moved(edges: Array, least: float) -> NDArray[np.intp]:
-    """Indices of the first of the poses and of those in which an end lies farther from there than
-    `least`: what rests is looked at once."""
+    """Indices of the first pose, and of those in which an end is farther from there than
+    `least`."""
     away = np.abs(edges - edges[0]).max(axis=(1, 2, 3)) > least
     away[0] = True
     return np.flatnonzero(away)
 
 
-def refuse_sunk(
-    all_sides: tuple[Sides, ...], times: Any, y: Array, length: float, sunk: float = SOLVED
-) -> None:
-    """Raise SimulationError where a side lies deeper in its support than the points that touch.
+def refuse_sunk(all_sides: tuple[Sides, ...], times: Any, y: Array, sunk: float = SOLVED) -> None:
+    """Raise SimulationError if a side is deeper in its support than its contact points.
 
-    y: states at the times, (n, at least WIDTH per body); length: of the scene [m]; sunk: depth
-    over it that is none.
+    y: states at the times, (n, at least WIDTH per body); sunk: allowed depth relative to the
+    thickness of side and support, so that small bodies in wide scenes are judged by their own size.
     """
     if not len(times):
         return
     for sides in all_sides:
+        allowed = sunk * thickness(sides)
         turn, shift = poses(sides, times, y)
         flat = [turned(turn, point) + shift for point in sides.edges.reshape(-1, 3)]
         edges = np.stack(flat, axis=1).reshape(len(shift), -1, 2, 3)
-        seen = moved(edges, LEAST_MOVE * sunk * length)
+        seen = moved(edges, LEAST_MOVE * allowed)
         least, ends = deepest_of_edges(sides.support, edges[seen])
         if sides.own is not None:
             turn, shift = poses(sides, np.asarray(times)[seen], y[seen])
             back = conjugate(turn)
             least = np.minimum(least, entering(sides, back, -turned(back, shift)))
         deeper = np.minimum(ends, 0.0) - least
-        bad = np.flatnonzero(deeper > sunk * length)
+        bad = np.flatnonzero(deeper > allowed)
         if len(bad):
             depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
@@ -167,24 +165,23 @@ def refuse_sunk(
             )
 
 
-# Looks at sides between samples: nothing goes through a support where samples are rare.
+# Checks between samples, so that nothing passes through a support if samples are rare.
 #
-# A run is looked at not only where samples are asked for but each time that the bodies may have
-# moved over each other by a part of the support's thickness.  What is far away is not looked at,
-# what rests once in a step.  A look is a sample of its own, so that the motion is the same to the
-# last bit.
+# Sides are checked at samples, and whenever bodies may have moved relative to each other by a
+# fraction of the thickness of the support; distant bodies are not checked, bodies at rest once in a
+# step. A check is a sample of its own, so that the motion does not change.
 
 
 SHARE = 0.05
-"""Part of the thickness of a support that bodies may move over each other between two looks."""
+"""Relative motion of the bodies between two checks, relative to the thickness of the support."""
 MOST = 64
-"""Looks between which speeds are not read anew."""
+"""Maximum number of checks that are planned from one state."""
 BETWEEN = 4.0
-"""Times the larger speed at its ends that a side may have within a step."""
+"""Largest speed of a side within a step, relative to the larger one at its ends."""
 
 
 def thickness(sides: Sides) -> float:
-    """What a side has at least to cross to go through the support [m]."""
+    """Smaller one of the support's thickness and the side's length [m]."""
     support: Any = sides.support
     if isinstance(support, Box):
         through = 2.0 * min(support.half)
@@ -202,24 +199,24 @@ def reach(sides: Sides) -> float:
 
 
 def way_there(sides: Sides, t: float, y: Array) -> float:
-    """Distance at least that a point of the sides has to go to be in the support [m]."""
+    """Lower bound of the distance of the sides from the support [m]."""
     _, shift = poses(sides, np.array([t]), y[None, :])
     return max(0.0, float(depth_in(sides.support, shift)[0]) - reach(sides))
 
 
 def speed_over(sides: Sides, t: float, y: Array) -> float:
-    """Speed that no point of the sides has over the support [m/s]."""
+    """Upper bound of the speed of the sides relative to the support [m/s]."""
     B, A = state_of(y, sides.body), state_of(y, sides.parent)
     if sides.parent < 0:
         A, _, _, _ = carrier(sides.motion, t, WORLD)
     w_B, w_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     of_centre = sub(sub(B.v_WC, A.v_WC), cross(w_A, sub(B.p_WC, A.p_WC)))
-    spin = unrotate(B.q_WB, sub(w_B, w_A))  # a rod that spins about itself moves no side by it
+    spin = unrotate(B.q_WB, sub(w_B, w_A))  # spin of a rod about its axis does not move its side
     return float(norm(of_centre) + np.linalg.norm(np.cross(spin, sides.edges), axis=-1).max())
 
 
 def quiet(all_sides: tuple[Sides, ...], t: float, y: Array, t1: float, y1: Array) -> bool:
-    """Whether no side goes far in the step from t to t1, by the speeds at both ends."""
+    """Whether no side moves far in the step from t to t1, by the speeds at both ends."""
     for sides in all_sides:
         fastest = max(speed_over(sides, t, y), speed_over(sides, t1, y1))
         if BETWEEN * fastest * (t1 - t) > SHARE * thickness(sides):
@@ -230,8 +227,7 @@ def quiet(all_sides: tuple[Sides, ...], t: float, y: Array, t1: float, y1: Array
 def next_looks(
     all_sides: tuple[Sides, ...], system: Any, t: float, y: Array, most: int = MOST
 ) -> Array:
-    """The instants after t at which to look, if speeds grow no faster than those of the scene do
-    over its length."""
+    """The times of the next checks after t, if accelerations are at most the scene's."""
     pull = system.speed**2 / system.length
     after = []
     for sides in all_sides:
@@ -250,11 +246,10 @@ def run_looking(
     out: Array | None,
     sunk: float = SOLVED,
 ) -> int:
-    """`run` to the times, looking at the sides at samples and between; see Motion.run_to.
+    """Call `run` to the times, and check the sides at samples and between them; see Motion.run_to.
 
-    Looks that lie beyond the times are kept in `motion.looks` for the next call: when the sides are
-    looked at depends on the motion alone, not on the pieces in which it is carried.
-    Raises SimulationError where one lies deeper in its support than `sunk` over the scene's length.
+    Checks beyond the last time are kept in `motion.looks` for the next call, so that the times of
+    checks depend on the motion alone. Raises SimulationError as `refuse_sunk`.
     """
     times = np.asarray(times, dtype=float)
     if not all_sides:
@@ -262,7 +257,7 @@ def run_looking(
     done = 0
     while done < len(times):
         looks = _planned(motion, all_sides)
-        upto = len(times)  # if it is so fast that the clock does not tell one look from the next
+        upto = len(times)  # without distinct times of checks
         if len(looks):
             upto = done + int(np.searchsorted(times[done:], looks[-1], side="right"))
         now = looks[looks < times[-1]]
@@ -274,14 +269,14 @@ def run_looking(
             if out is not None:
                 out[done:upto] = rows[np.searchsorted(at, times[done:upto])]
         seen = np.isin(at, looks) if out is None else np.full(len(at), True)
-        refuse_sunk(all_sides, at[seen], rows[seen], motion.compiled.system.length, sunk)
+        refuse_sunk(all_sides, at[seen], rows[seen], sunk)
         motion.looks = at[-1], np.array(motion.coordinates), looks[looks > at[-1]]
         done = upto
     return done
 
 
 def _planned(motion: Any, all_sides: tuple[Sides, ...]) -> Array:
-    """The next looks: those that are left, unless the motion was set elsewhere since."""
+    """The times of the next checks: those that remain, unless the state has been set since."""
     t, y = motion.time, np.asarray(motion.coordinates)
     if motion.looks is not None:
         planned, there, looks = motion.looks

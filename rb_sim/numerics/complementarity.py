@@ -39,7 +39,7 @@ EQUALITY, UNILATERAL, FRICTION = 0, 1, 2
 """Rules of rows: equality, unilateral normal force, tangential friction force."""
 FIRST, SECOND, NORMAL, BOUND_WIDTH = 0, 1, 2, 3
 """Columns of `bounds`: the rows of a bound (the second is -1 if there is one only), and its normal
-row."""
+row (-1: the limit is the bound itself)."""
 NEWTON_STEPS, HALVINGS, SWEEPS = 60, 6, 400
 
 
@@ -90,6 +90,8 @@ def size_of(n, a):
 def limit(p, i, x):
     """Value of the i-th friction bound at x."""
     n = p.bounds[BOUND_WIDTH * i + NORMAL]
+    if n < 0:
+        return p.limits[i]
     normal_force = abs(x[n]) if p.rules[n] == EQUALITY else max(0.0, x[n])
     if p.limits[i] == math.inf:
         return math.inf if normal_force > 0.0 or p.rules[n] == EQUALITY else 0.0
@@ -126,7 +128,7 @@ def write_friction(p, i, x, w, F, J):
     k, m, step = tangential_rows(p, i)
     y, z = x[k] - step * w[k], x[m] - step * w[m] if m >= 0 else 0.0
     size, most = (y * y + z * z) ** 0.5, limit(p, i, x)
-    if p.limits[i] == math.inf:
+    if normal >= 0 and p.limits[i] == math.inf:
         ahead = x[normal] - p.least[normal] - p.step[normal] * w[normal]
         holds = p.rules[normal] == EQUALITY or p.least[normal] > 0.0 or ahead > 0.0
         most = math.inf if holds else 0.0
@@ -148,7 +150,7 @@ def write_friction(p, i, x, w, F, J):
         J[k * n + j] = turned_y
         if m >= 0:
             J[m * n + j] = turned_z
-    if not sticks and most > 0.0:
+    if normal >= 0 and not sticks and most > 0.0:
         slope = math.copysign(p.limits[i], x[normal])
         J[k * n + normal] -= slope * y
         if m >= 0:
@@ -156,12 +158,15 @@ def write_friction(p, i, x, w, F, J):
 
 
 def relative(p, error, x):
-    """Residual beyond the rounding of b, relative to the size of x, or of the x of a single row
-    alone."""
-    natural = 1e-300
+    """Residual beyond the rounding of b, relative to the size of x and of given bounds, or of the x
+    of a single row alone."""
+    natural, given = 1e-300, 0.0
     for k in range(p.n):
         natural = max(natural, abs(p.step[k] * p.b[k]))
-    return max(0.0, error - p.blur) / (1e-3 * natural + size_of(p.n, x))
+    for i in range(p.m):
+        if p.bounds[BOUND_WIDTH * i + NORMAL] < 0 and p.limits[i] < math.inf:
+            given = max(given, p.limits[i])
+    return max(0.0, error - p.blur) / (1e-3 * natural + size_of(p.n, x) + given)
 
 
 def newton(p, x, workspace):
@@ -236,23 +241,21 @@ def fill_steps(n, A, terms, step):
     return SUM_ROUNDING * blur
 
 
-# Solution of a complementarity problem with friction from several starts, and by proximal steps if
-# Newton's iteration fails from all of them.
+# Solution of a complementarity problem with friction from two starts, and by proximal steps if
+# Newton's iteration fails from both.
 
 
 CONTRADICTION = JUDGED_BY_CONTACT
 """Relative residual above which there is no solution: contact points within that of the scene's
 length, as at the ends of a lying rod, contradict each other by as much."""
-STARTS = 3
-"""Number of starts of Newton's iteration: zero, the solution with all rows held, the result of
-sweeps."""
+STARTS = 2
+"""Number of starts of Newton's iteration: zero, the solution with all rows held."""
 SOFTER, PROXIMAL_STEPS = 1e-3, 60
 """Added stiffness of a proximal step, relative to a row's own, and the most such steps."""
 
 
 def search(p, x, workspace, starts):
-    """Newton's iteration from x and, for `starts` > 1, from all rows held and from sweeps, until it
-    converges.
+    """Newton's iteration from x and, for `starts` > 1, from all rows held, until it converges.
 
     The best result is in x; returns its residual. workspace: `workspace_of(n)` numbers.
     """
@@ -265,8 +268,6 @@ def search(p, x, workspace, starts):
             trial[k] = -p.b[k] if start == 1 else x[k]
         if start == 1:
             least_squares(p.A, trial, n, trial, work)
-        elif start == 2:
-            sweep(p, trial)
         rest = newton(p, trial, work)
         if rest < residual:
             residual = rest
@@ -353,7 +354,7 @@ def even_out(p, terms, A, b, even_terms, limits, least, sizes):
         least[k] = p.least[k] / sizes[k]
     for i in range(p.m):
         k, normal = p.bounds[BOUND_WIDTH * i + FIRST], p.bounds[BOUND_WIDTH * i + NORMAL]
-        limits[i] = p.limits[i] * (sizes[normal] / sizes[k])
+        limits[i] = p.limits[i] * ((sizes[normal] if normal >= 0 else 1.0) / sizes[k])
 
 
 def all_finite(n, a):

@@ -224,15 +224,15 @@ def refusal(name: str, value: Any) -> str | None:
     if isinstance(known.default, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not type(known.default):
-        return f"{name}: {value!r} is not of type {type(known.default).__name__}"
+        return f"{name}: got {value!r}; must be of type {type(known.default).__name__}"
     about = known.metadata
     if about["low"] is not None and not about["low"] <= value <= about["high"]:  # refuses NaN too
-        return f"{name}: {value} is outside [{about['low']:g}, {about['high']:g}]"
+        return f"{name}: got {value!r}; must be within [{about['low']:g}, {about['high']:g}]"
     if about["choices"] and value not in about["choices"]:
         allowed = ", ".join(choice for choice in about["choices"] if choice)
-        return f"{name}: {value!r} is none of {allowed}"
+        return f"{name}: got {value!r}; must be one of {allowed}"
     if name == "frame_prefix" and str(value).startswith("/"):
-        return f"{name}: {value!r} begins with a slash, which tf2 does not look up"
+        return f"{name}: got {value!r}; must not begin with a slash (tf2 has no such frames)"
     return None
 
 

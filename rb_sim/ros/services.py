@@ -493,7 +493,7 @@ class SimulationServices:
             loop.reset()
             self._stopped_at = loop.t
         else:
-            return result.RESULT_FEATURE_UNSUPPORTED, f"state {target} is none to go to here"
+            return result.RESULT_FEATURE_UNSUPPORTED, f"got state {target}; must be stopped, playing or paused"
         return result.RESULT_OK, ""
 
     def _step(self, request: Any, answer: Any) -> Any:

@@ -59,7 +59,8 @@ def truth(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def true_error(name: str, simulation: Simulation) -> float:
     """Largest pose error [rad, m] over the scene, at the reference's instants."""
     times, position, quaternion = truth(name)
-    own = simulation.run(float(times[-1]), (len(times) - 1) / float(times[-1]))
+    rate = (len(times) - 1) / float(times[-1])
+    own = simulation.run(float(times[-1]), rate, watched=False)
     (body,) = simulation.layout.bodies
     assert np.abs(own.t - times).max() < 1e-9
     pose = own.position[body], own.orientation[body]
@@ -160,12 +161,12 @@ def test_no_run_goes_beyond_the_purse() -> None:
     """A fixed step whose price is known is not begun, an adaptive run is broken off."""
     scene = shipped("pendulum", duration=2e3)
     runner = Runner(compile_scene(scene), 2e3, sample_times(scene.simulation))
-    runner.purse = 5e-3
+    runner.total_limit = 5e-3
     rows, steps = runner.sampled(Setting("rk4", step=1e-4))
-    assert runner.broken_off and steps == 0 and runner.spent == 0.0
+    assert runner.stopped and steps == 0 and runner.spent == 0.0
     assert np.isnan(rows).all()
     runner.sampled(Setting("dopri853", tolerance=1e-12))
-    assert runner.broken_off and runner.spent < 1.3 * runner.purse
+    assert runner.stopped and runner.spent < 1.3 * runner.total_limit
     assert runner.known_cost(Setting("dopri853", tolerance=1e-12)) == 0.0  # not infinite
 
 
@@ -256,7 +257,7 @@ def test_a_decay_too_fast_for_fixed_steps_is_checked_by_an_adaptive_method() -> 
     sharp = Simulation(
         load_scene(OILED | {"simulation": options | {"method": "dopri853", "tolerance": 1e-12}})
     )
-    run, true = simulation.run().block, sharp.run().block
+    run, true = (each.run(watched=False).block for each in (simulation, sharp))
     assert np.abs(run.position - true.position).max() <= 1e-4
     assert float(angle_between(run.orientation, true.orientation).max()) <= 1e-4
 
@@ -289,12 +290,12 @@ def test_a_body_that_passes_its_anchor_is_right_at_a_loose_target() -> None:
     loose = Simulation(scene_from_mapping(mapping)).choice
     assert loose is not None and loose.reached
     mapping["simulation"] |= {"method": "dopri853", "tolerance": 1e-14}
-    true = Simulation(scene_from_mapping(mapping)).run()
+    true = Simulation(scene_from_mapping(mapping)).run(watched=False)
     mapping["simulation"] = {**mapping["simulation"], "method": loose.method}
     del mapping["simulation"]["tolerance"]
     knob = {"step": loose.step} if loose.step is not None else {"tolerance": loose.tolerance}
     own = Simulation(scene_from_mapping({**mapping, "simulation": mapping["simulation"] | knob}))
-    found = own.run()
+    found = own.run(watched=False)
     pose = found.position["a"], found.orientation["a"]
     assert pose_error(*pose, true.position["a"], true.orientation["a"]).max() <= 1e-3
 
@@ -373,7 +374,7 @@ def test_two_runs_that_err_alike_are_told_apart_by_a_third() -> None:
     growth = max(
         auto.apart(rows, base, runner) for rows in auto.from_one_ulp_apart(runner, setting, 1)
     )
-    assert 0.5 * error < auto.by_chance(runner, alike, growth) < 2.0 * error
+    assert 0.5 * error < auto.change_when_sharper(runner, alike, growth) < 2.0 * error
     assert error > 1e-7
 
 
@@ -403,7 +404,7 @@ def test_the_true_error_stays_under_the_target_on_a_scene_in_contact(target: flo
     simulation = Simulation(shipped("turntable", method="auto", tolerance=target))
     choice, exact = simulation.choice, closed_form(simulation.compiled)
     assert choice is not None and choice.reached and exact is not None
-    own = simulation.run(14.7, 20.0)
+    own = simulation.run(14.7, 20.0, watched=False)
     y = exact.coordinates(own.t)
     pose = own.position["ball"], own.orientation["ball"]
     assert pose_error(*pose, y[:, 0:3], y[:, 3:7]).max() <= target

@@ -46,7 +46,6 @@ from rb_sim.cli.verbs.explain import explain as explain_verb
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import G, ball, scene, touch
-from tests.interpreted import interpreted
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -96,9 +95,7 @@ def test_steps_in_contact_are_measured_between_events_and_events_apart() -> None
     """A ball dropped from 0.2 m that keeps 0.8 of its speed flies for longest after the first."""
     fall = math.sqrt(2.0 * 0.2 / G)
     flight = 2.0 * 0.8 * fall
-    stretch, span, events = interpreted(
-        measured, scene(ball([0.0, 0.0, 0.3]), touch(restitution=0.8)), 0.7
-    )
+    stretch, span, events = measured(scene(ball([0.0, 0.0, 0.3]), touch(restitution=0.8)), 0.7)
     since = EDGE * flight
     assert stretch.start == pytest.approx(fall + since, abs=1e-9)
     assert stretch.length == pytest.approx((1.0 - 2.0 * EDGE) * flight, abs=1e-9)
@@ -223,7 +220,7 @@ def run_with(limit: float) -> tuple[bool, float]:
 
 
 def test_a_run_from_event_to_event_is_broken_off_at_the_limit() -> None:
-    done, cost = interpreted(run_with, math.inf)
+    done, cost = run_with(math.inf)
     assert done and math.isfinite(cost)
-    done, cost = interpreted(run_with, 0.0)
+    done, cost = run_with(0.0)
     assert not done and cost == math.inf

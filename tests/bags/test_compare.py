@@ -35,7 +35,6 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.compare import CompareOptions, compare
 from tests.bags.analysis import foreign
 from tests.bags.scenes import PUSHED, record_node, record_run
-from tests.interpreted import interpreted
 
 
 def motion(t: np.ndarray, shift=(0.0, 0.0, 0.0), twist: float = 0.0) -> Track:
@@ -176,8 +175,8 @@ def test_nothing_is_interpolated_across_a_gap():
 
 def test_a_bag_tells_where_its_run_began_anew(tmp_path):
     """There, and only there, the position jumps by more than a step of the motion covers."""
-    bag = interpreted(record_node, tmp_path / "bag")
-    track = interpreted(tracks_of_bag, bag).bodies["box"]
+    bag = record_node(tmp_path / "bag")
+    track = tracks_of_bag(bag).bodies["box"]
     steps = np.linalg.norm(np.diff(track.position, axis=0), axis=1)
     assert track.anew == (int(np.argmax(steps)) + 1,)
 
@@ -359,13 +358,13 @@ def test_growth_and_first_divergence():
 
 def test_a_bag_and_a_scene_and_a_bound(tmp_path, capsys):
     """The scene with one per cent more gravity falls 0.01 g t^2 / 2 further."""
-    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    bag = record_run(PUSHED, tmp_path / "bag")
     scene = tmp_path / "heavier.yaml"
     scene.write_text(PUSHED.replace("{type: gravity}",
                                     "{type: gravity, acceleration: [0, 0, -9.9046]}"))  # fmt: skip
     out = tmp_path / "out"
     options = CompareOptions(bag, str(scene), out, max_position=1e-3)
-    assert interpreted(compare, options) == 1
+    assert compare(options) == 1
     reported = json.loads((out / "compare.json").read_text())
     fall = (9.9046 - 9.81) / 2 * 1.0**2
     assert reported["differences"]["box"]["position"]["max"] == pytest.approx(fall, rel=1e-3)
@@ -460,7 +459,7 @@ def test_a_picture_of_both_motions_is_drawn_where_it_is_asked_for(tmp_path, monk
     t = np.linspace(0, 2, 101)
     track = motion(t)
     np.savetxt(tmp_path / "a.txt", np.c_[t, track.position, track.orientation])
-    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    bag = record_run(PUSHED, tmp_path / "bag")
     options = CompareOptions(bag, str(tmp_path / "a.txt"), match=["box=a"])
     compare(replace(options, screenshot=tmp_path / "both.png"))
     assert drawn == [(True, tmp_path / "both.png")]

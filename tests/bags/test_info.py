@@ -27,11 +27,10 @@ from rb_sim.cli.verbs.info import info as verb
 from rb_sim.cli.verbs.info import lines
 from rb_sim.cli.verbs.replay import recover
 from tests.bags.scenes import PUSHED, record_node, record_run
-from tests.interpreted import interpreted
 
 
 def test_a_run(tmp_path, capsys):
-    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    bag = record_run(PUSHED, tmp_path / "bag")
     found = info(bag)
     run = found["run"]
     assert run["bodies"] == ["box"]
@@ -51,7 +50,7 @@ def test_a_run(tmp_path, capsys):
 
 def test_a_node(tmp_path, capsys):
     pytest.importorskip("rclpy")
-    bag = interpreted(record_node, tmp_path / "bag")
+    bag = record_node(tmp_path / "bag")
     found = info(bag)
     assert found["resets"] == [pytest.approx(0.82)]
     assert found["commands"] == {"/sim/box": 3}
@@ -63,7 +62,7 @@ def test_a_node(tmp_path, capsys):
 
 
 def test_a_damaged_bag(tmp_path, capsys):
-    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
+    bag = record_run(PUSHED, tmp_path / "bag")
     file = bag / "bag_0.mcap"
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 1
@@ -128,7 +127,7 @@ def test_the_rate_of_times_of_a_calendar():
 def test_names_are_whole_where_the_table_goes_to_a_file(tmp_path, capsys):
     """And what happens now and then has no rate."""
     pytest.importorskip("rclpy")
-    bag = interpreted(record_node, tmp_path / "bag")
+    bag = record_node(tmp_path / "bag")
     found = info(bag)
     assert verb(bag) == 0
     rows = {words[0]: words[1:] for words in map(str.split, capsys.readouterr().out.splitlines())}
@@ -173,7 +172,7 @@ def test_a_topic_in_two_channels_has_one_rate(tmp_path):
 def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
     """Copied in by hand, or left by another bag: every reader of the folder says so."""
     bag = tmp_path / "bag"
-    interpreted(record_run, PUSHED, bag)
+    record_run(PUSHED, bag)
     assert info(bag)["notes"] == []
     shutil.copy(bag / "bag_0.mcap", bag / "bag_1.mcap")
     line = f"{bag}: its metadata.yaml does not name bag_1.mcap, which is not read"
@@ -209,7 +208,7 @@ def cut(folder: Path) -> Path:
 
 
 def test_a_log_that_was_cut_is_not_whole(tmp_path):
-    bag = interpreted(cut, tmp_path / "bag")
+    bag = cut(tmp_path / "bag")
     health = info(bag)["health"]
     assert health["finished"] and not health["run_ended"] and not health["whole"]
     assert "the run did not end" in dict(lines(info(bag)))["health"]

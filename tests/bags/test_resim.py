@@ -21,7 +21,6 @@ import pytest
 from mcap.reader import make_reader
 
 from tests.bags.scenes import PLAN, PUSHED, record_node, record_run
-from tests.interpreted import interpreted
 
 
 def payloads(bag: Path) -> dict[str, str]:
@@ -45,11 +44,11 @@ def again(bag: Path, folder: Path, changes: tuple[str, ...] = ()):
 @pytest.fixture(scope="module")
 def node_bag(tmp_path_factory) -> Path:
     pytest.importorskip("rclpy")
-    return interpreted(record_node, tmp_path_factory.mktemp("node") / "bag")
+    return record_node(tmp_path_factory.mktemp("node") / "bag")
 
 
 def test_a_node_with_body_commands_and_a_reset(node_bag, tmp_path):
-    found, _ = interpreted(again, node_bag, tmp_path / "again")
+    found, _ = again(node_bag, tmp_path / "again")
     assert found.same and found.samples == found.identical == 61
     assert found.sha256[0] == found.sha256[1]
     first, second = payloads(node_bag), payloads(tmp_path / "again")
@@ -82,12 +81,12 @@ def test_the_bag_carries_commands_as_they_came(node_bag):
 
 
 def test_a_run_with_options(tmp_path):
-    bag = interpreted(record_run, PUSHED, tmp_path / "bag")
-    found, _ = interpreted(again, bag, tmp_path / "again")
+    bag = record_run(PUSHED, tmp_path / "bag")
+    found, _ = again(bag, tmp_path / "again")
     assert found.same and found.samples == 51
     options = {"method": "dopri853", "tolerance": 1e-9, "duration": 0.33}
-    other = interpreted(_record_with, tmp_path / "other", options)
-    found, _ = interpreted(again, other, tmp_path / "other_again")
+    other = _record_with(tmp_path / "other", options)
+    found, _ = again(other, tmp_path / "other_again")
     assert found.same and found.samples == 18
 
 
@@ -97,9 +96,7 @@ def _record_with(folder: Path, options: dict) -> Path:
 
 def test_a_difference_is_told_with_its_size(node_bag, tmp_path):
     """g changed by 1 %: the fall parts from the first sample on, by 0.01 g t^2 / 2."""
-    found, _ = interpreted(
-        again, node_bag, tmp_path / "x", ("effects.weight.acceleration=[0, 0, -9.9081]",)
-    )
+    found, _ = again(node_bag, tmp_path / "x", ("effects.weight.acceleration=[0, 0, -9.9081]",))
     assert not found.same and found.first is not None
     assert found.first.number in (0, 1)
     fall = 0.01 * 9.81 / 2 * 0.8**2
@@ -112,13 +109,13 @@ def test_a_damaged_bag_is_compared_where_it_is_whole(node_bag, tmp_path):
     file = bag / "bag_0.mcap"
     data = bytearray(file.read_bytes())
     file.write_bytes(data[: len(data) * 2 // 3])
-    found, damage = interpreted(again, bag, tmp_path / "again")
+    found, damage = again(bag, tmp_path / "again")
     assert found.identical == found.samples > 20 and damage
 
 
 def test_scene_as_run(tmp_path):
     """The attachment is a scene that any run can take: with the options of the run."""
-    bag = interpreted(_record_with, tmp_path / "bag", {"method": "dopri853", "duration": 0.2})
+    bag = _record_with(tmp_path / "bag", {"method": "dopri853", "duration": 0.2})
     with (bag / "bag_0.mcap").open("rb") as file:
         reader = make_reader(file)
         texts = {a.name: a.data.decode() for a in reader.iter_attachments()}
@@ -171,6 +168,6 @@ def test_a_bag_that_lacks_samples_says_so(tmp_path):
     """It said that the run differs "by 0"."""
     from rb_sim.base.errors import SinkError
 
-    bag = interpreted(lacking, tmp_path / "bag")
+    bag = lacking(tmp_path / "bag")
     with pytest.raises(SinkError, match=r"3 samples are lacking, .* before t = 0.16 s"):
-        interpreted(again, bag, tmp_path / "again")
+        again(bag, tmp_path / "again")

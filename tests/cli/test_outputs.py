@@ -28,7 +28,6 @@ from rb_sim.io.run_plots import Plots
 from rb_sim.simulation.record import accelerating
 from tests.bags.scenes import PUSHED
 from tests.cli.process import COMMAND, PATIENCE, environment, invoke, rb_sim
-from tests.interpreted import interpreted
 
 
 def run(folder, *more):
@@ -133,7 +132,7 @@ def _run(folder, **options) -> int:
 
 def test_the_npz_holds_them(tmp_path):
     npz = tmp_path / "out" / "run.npz"
-    assert interpreted(_npz, tmp_path, npz) == 0
+    assert _npz(tmp_path, npz) == 0
     found = np.load(npz)
     np.testing.assert_allclose(found["linear_acceleration.box"], [[0, 0, -9.81]] * 6, atol=1e-12)
     # without a torque I dw/dt = -w x I w
@@ -149,7 +148,7 @@ def _npz(folder, npz) -> int:
 
 def test_the_plots_show_them():
     scene = load_scene(PUSHED, duration=0.1)
-    block, layout = interpreted(_samples, PUSHED)
+    block, layout = _samples(PUSHED)
     plots = Plots(scene, layout, accelerating(scene, layout))
     plots.add(block)
     (figure,) = plots.figures().values()

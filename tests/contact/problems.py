@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.gauss_seidel import fill_block
+from rb_sim.contact.problem import (
     BLOCK,
     BOUND,
     CONTACT_ROWS,
@@ -25,7 +26,6 @@ from rb_sim.contact.contact_graph import (
     WIDTH,
     Graph,
 )
-from rb_sim.contact.gauss_seidel import fill_block
 
 
 def graph_of(ends, points, normals, mu, masses, targets) -> Graph:

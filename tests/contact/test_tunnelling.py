@@ -130,6 +130,26 @@ def test_sinking_is_told(name: str) -> None:
         contact_run(ACROSS[name], np.linspace(0.0, 0.35, 36).tolist(), tolerance=1e-8)
 
 
+STEPS = {"method": "time_stepping", "step": 1e-3, "tolerance": None}
+
+
+@pytest.mark.parametrize(("yaw", "how"), [(0.2, STEPS), (3e-4, {"tolerance": 1e-8})])
+def test_a_short_rod_in_a_wide_scene_is_judged_by_its_own_size(
+    yaw: float, how: dict[str, Any]
+) -> None:
+    """It rests across a log on its two ends; its middle lies (l sin(yaw))^2 / 2 r deep, l: half its
+    length: a small part of the distance to the other body in the scene."""
+    r, across = 0.2, 0.04 * math.sin(yaw)
+    depth = r - math.sqrt(r * r - across * across)
+    short = {"type": "rod", "length": 0.08, "axis_B": [math.cos(yaw), math.sin(yaw), 0]}
+    log = LOG | {"surface": LOG["surface"] | {"radius": r}}
+    bodies = {"body": body(short, [0, 0, r - depth]), "far": box([1, 1, 1], [60.0, 0, 0])}
+    made = scene(bodies, touch(**log, mu=0.5))
+    made["effects"]["weight"] = made["effects"]["weight"] | {"bodies": ["body"]}
+    with pytest.raises(RbSimError, match=f"an edge of the body penetrates .* by {depth:.2g} m"):
+        contact_run(made, [0.1], **how)
+
+
 def test_corners_and_ends_that_touch_are_no_sides() -> None:
     """A box that stands on a box, and a rod that lies along a log."""
     under = held({"type": "box", "size": [1.0, 1.0, 0.4]}, 0.2)

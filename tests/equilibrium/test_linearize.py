@@ -22,7 +22,6 @@ from rb_sim import Simulation, load_scene
 from rb_sim.base import palette
 from rb_sim.equilibrium import state_space as picture
 from rb_sim.equilibrium.state_space import LinearModel
-from tests.interpreted import interpreted
 
 G = 9.81
 M, LEVER, ACROSS, AXIAL = 1.3, 0.4, 0.05, 0.02
@@ -55,7 +54,7 @@ def model(scene: dict[str, Any], *arguments: Any) -> Any:
 @pytest.mark.parametrize("share", [0.5, 0.999, 1.001, 2.0])
 def test_a_sleeping_top_is_stable_from_its_threshold_on(share: float, axes: str) -> None:
     """Growth sqrt(4 I1 m g l - M3^2) / 2 I1 below it, none above."""
-    found = interpreted(model, top(share * THRESHOLD), axes)
+    found = model(top(share * THRESHOLD), axes)
     below = max(0.0, 1.0 - share**2) * (AXIAL * THRESHOLD) ** 2
     growth = math.sqrt(below) / (2.0 * J)
     assert found.eigenvalues.real.max() == pytest.approx(growth, abs=1e-9)
@@ -65,7 +64,7 @@ def test_a_sleeping_top_is_stable_from_its_threshold_on(share: float, axes: str)
 def test_an_inverted_pendulum_falls_at_the_root_of_m_g_l_by_its_inertia() -> None:
     at = {"point_B": [0.0, 0.0, -LEVER], "axis_B": [0.6, 0.8, 0.0]}
     hinge = {"type": "fixed_axis", "body": "top"} | at
-    found = interpreted(model, top(0.0) | {"constraints": {"hinge": hinge}})
+    found = model(top(0.0) | {"constraints": {"hinge": hinge}})
     rate = math.sqrt(M * G * LEVER / J)
     np.testing.assert_allclose(found.eigenvalues, [rate, -rate], rtol=1e-13)
     assert found.states == ("top/angle_y", "top/spin_y")
@@ -114,7 +113,7 @@ def test_a_disk_rolling_in_a_circle_nutates_as_newton_and_euler_say(
 ) -> None:
     """Seen from axes that turn with the circle; the rest are zeros and the shift of the circle."""
     scene, square = disk(lean, yaw)
-    found = interpreted(model, scene, "world", yaw).eigenvalues
+    found = model(scene, "world", yaw).eigenvalues
     nutation = np.sqrt(complex(square))
     for value in (nutation, -nutation, 1j * yaw, -1j * yaw):
         assert abs(found - value).min() < 1e-6 * abs(value)
@@ -250,7 +249,7 @@ def defects(joints: str) -> tuple[float, float, float]:
 @pytest.mark.parametrize("joints", list(JOINTS))
 def test_accelerations_and_reactions_agree_with_differences(joints: str) -> None:
     """About a moving state, with a command in force; by every state and every input."""
-    by_state, by_input, size = interpreted(defects, joints)
+    by_state, by_input, size = defects(joints)
     assert by_state < 1e-7 * size
     assert by_input < 1e-11 * size
 
@@ -259,14 +258,14 @@ def test_accelerations_and_reactions_agree_with_differences(joints: str) -> None
 def test_angles_turn_with_the_spin_that_they_are_taken_about(axes: str, sense: float) -> None:
     """phi' = dW + W x phi in the world's axes, phi' = dw - w x phi in those of the body."""
     spin = 7.0
-    rows = interpreted(model, top(spin), axes).A[:3]
+    rows = model(top(spin), axes).A[:3]
     turn = sense * spin * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     np.testing.assert_allclose(rows, np.hstack([turn, np.eye(3)]), atol=1e-12)
 
 
 def test_python_control_takes_the_archive(tmp_path: Any) -> None:
     control = pytest.importorskip("control")
-    found = interpreted(model, top(3.0, pull={"type": "commanded_wrench", "body": "top"}))
+    found = model(top(3.0, pull={"type": "commanded_wrench", "body": "top"}))
     found.to_npz(tmp_path / "linear_model.npz")
     f = np.load(tmp_path / "linear_model.npz")
     names = {key: [str(x) for x in f[key]] for key in ("states", "inputs", "outputs")}
@@ -286,9 +285,9 @@ def test_what_cannot_be_linearised_is_told_in_one_line() -> None:
         "constraints": {"floor": {"type": "contact", "body": "ball"}},
     }
     with pytest.raises(RbSimError, match="has contacts"):
-        interpreted(model, scene)
+        model(scene)
     with pytest.raises(RbSimError, match="axes: got 'polar'; must be 'world' or 'body'"):
-        interpreted(model, top(1.0), "polar")
+        model(top(1.0), "polar")
 
 
 def test_quadratic_drag_at_rest_has_no_slope() -> None:
@@ -324,7 +323,7 @@ def cart_pole(first: str, drag: float = 0.0) -> dict[str, Any]:
 @pytest.mark.parametrize("first", ["cart", "bob"])
 def test_a_double_zero_is_two_modes_and_states_are_of_the_body_named_first(first: str) -> None:
     """lambda = 0, 0, +- i sqrt((M + m) g / (M l))."""
-    found = interpreted(model, cart_pole(first))
+    found = model(cart_pole(first))
     assert found.states[0] == f"{first}/position_x"
     swing = math.sqrt(3.0 / 2.0 * G / 0.5)
     values = sorted(found.eigenvalues, key=lambda value: (value.imag, value.real))
@@ -336,7 +335,7 @@ def test_a_double_zero_is_two_modes_and_states_are_of_the_body_named_first(first
 
 def test_a_real_mode_has_no_frequency() -> None:
     """A cart that drag brings to rest: lambda = 0 and about -c / (M + m)."""
-    found = interpreted(model, cart_pole("cart", drag=0.3))
+    found = model(cart_pole("cart", drag=0.3))
     for mode in found.modes:
         assert math.isnan(mode.frequency) is (mode.imaginary == 0.0)
     assert [mode.imaginary > 0.0 for mode in found.modes].count(False) == 2
@@ -359,7 +358,7 @@ OSCILLATOR = {
 
 def test_the_bode_plot_is_the_response_of_the_oscillator() -> None:
     """x / f = 1 / (k - m w^2 + i c w); poles at -c / 2 m +- i sqrt(k / m - (c / 2 m)^2)."""
-    found = interpreted(model, OSCILLATOR)
+    found = model(OSCILLATOR)
     figure = picture.bode("oscillator", found)
     assert figure is not None
     magnitude, angle = figure.axes
@@ -379,7 +378,7 @@ def test_the_bode_plot_is_the_response_of_the_oscillator() -> None:
 def test_without_inputs_there_is_no_bode_plot_and_growing_poles_are_marked() -> None:
     at = {"point_B": [0.0, 0.0, -LEVER], "axis_B": [0.0, 1.0, 0.0]}
     hinge = {"type": "fixed_axis", "body": "top"} | at
-    found = interpreted(model, top(0.0) | {"constraints": {"hinge": hinge}})
+    found = model(top(0.0) | {"constraints": {"hinge": hinge}})
     assert picture.bode("x", found) is None
     (axes,) = picture.poles("x", found, is_steady=False).axes
     colours = {line.get_xdata()[0] > 0.0: line.get_color()

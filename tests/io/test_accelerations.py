@@ -22,7 +22,6 @@ from rb_sim import load_scene
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.simulation.record import accelerating
-from tests.interpreted import interpreted
 
 FALLING = """\
 bodies:
@@ -62,7 +61,7 @@ def messages(bag: Path, topic: str) -> np.ndarray:
 
 
 def test_the_bag_has_the_rate_of_the_twist(tmp_path: Path) -> None:
-    interpreted(recorded, FALLING, tmp_path / "bag")
+    recorded(FALLING, tmp_path / "bag")
     ball = messages(tmp_path / "bag", "ball/accel")
     assert len(ball) == 21
     # C falls; O is 0.3 m behind it on a body that turns at 2 rad/s: 0.3 w^2 towards C
@@ -76,8 +75,8 @@ def test_the_bag_has_the_rate_of_the_twist(tmp_path: Path) -> None:
 
 
 def test_a_run_of_the_bag_has_them_again(tmp_path: Path) -> None:
-    interpreted(recorded, FALLING, tmp_path / "bag")
-    interpreted(again, tmp_path / "bag", tmp_path / "again")
+    recorded(FALLING, tmp_path / "bag")
+    again(tmp_path / "bag", tmp_path / "again")
     for topic in ("ball/accel", "rock/accel"):
         first, second = (messages(tmp_path / name, topic) for name in ("bag", "again"))
         np.testing.assert_array_equal(first, second)

@@ -23,7 +23,6 @@ from scipy.integrate import solve_ivp
 from rb_sim import Simulation
 from rb_sim.base.errors import AccuracyWarning, SceneError
 from rb_sim.scene.load import scene_from_mapping
-from tests.interpreted import interpreted
 from tests.runs import trajectory
 
 G = 9.81
@@ -61,7 +60,7 @@ def test_table_on_four_legs(x: float, y: float) -> None:
     for i, (leg_x, leg_y, _) in enumerate(LEGS.values()):
         share = 0.25 * (1.0 + x / leg_x + y / leg_y)
         assert_allclose(run.reaction_force[:, i], [[0.0, 0.0, MASS * G * share]] * 2, atol=1e-9)
-    indeterminate, rows, freedom = interpreted(compiled, table(x, y))
+    indeterminate, rows, freedom = compiled(table(x, y))
     assert indeterminate == tuple(LEGS)
     assert (rows, freedom) == (4, 3)
 
@@ -69,7 +68,7 @@ def test_table_on_four_legs(x: float, y: float) -> None:
 def test_three_legs_are_determinate() -> None:
     scene = table(0.0, 0.0)
     scene["constraints"].pop("N4")
-    assert interpreted(compiled, scene) == ((), 3, 3)
+    assert compiled(scene) == ((), 3, 3)
 
 
 @pytest.mark.parametrize("coordinates", ["auto", "maximal"])
@@ -87,7 +86,7 @@ def test_bearings_share_the_axial_force(coordinates: str, floating: str, share: 
     assert_allclose(axial[:, 0], 3.0 * G)
     assert_allclose(axial[:, 1], share * 3.0 * G, atol=1e-12)
     assert_allclose(axial[:, 2], (1.0 - share) * 3.0 * G, atol=1e-12)
-    indeterminate, rows, freedom = interpreted(compiled, scene, coordinates)
+    indeterminate, rows, freedom = compiled(scene, coordinates)
     assert freedom == 1
     assert rows == (6 if floating == "none" else 5)
     assert bool(indeterminate) == (floating == "none")
@@ -145,7 +144,7 @@ def test_closed_loop() -> None:
     assert_allclose(x, expected, atol=1e-10)
     assert_allclose(run.energy, run.energy[0], rtol=1e-11)
     assert run.residual.max() <= MANIFOLD
-    indeterminate, rows, freedom = interpreted(compiled, scene)
+    indeterminate, rows, freedom = compiled(scene)
     assert (rows, freedom) == (20, 1)
     assert indeterminate
 
@@ -296,10 +295,10 @@ def two_pins(apart: float, project: bool) -> dict[str, Any]:
 
 def test_contradiction_is_refused() -> None:
     """Points 1 m apart in the body and 1.5 m in the world: no state fits."""
-    assert "contradict each other" in interpreted(refusal, two_pins(0.5, True))
-    message = interpreted(refusal, two_pins(0.5, False))
+    assert "contradict each other" in refusal(two_pins(0.5, True))
+    message = refusal(two_pins(0.5, False))
     assert "constraints.second" in message and "violates it by" in message
-    assert interpreted(refusal, two_pins(0.0, False)) == ""
+    assert refusal(two_pins(0.0, False)) == ""
 
 
 def test_start_off_the_manifold() -> None:
@@ -307,7 +306,7 @@ def test_start_off_the_manifold() -> None:
     scene = chain()
     scene["constraints"]["pivot"]["point_A"] = [0.02, -0.01, 0.03]
     refused = scene | {"simulation": {"duration": 0.1}}
-    assert "project_initial: true" in interpreted(refusal, refused)
+    assert "project_initial: true" in refusal(refused)
     run = trajectory(scene, tolerance=1e-10, rate=10.0)
     assert run.residual[0] <= MANIFOLD
     assert_allclose(run.anchor[0, 0], [0.02, -0.01, 0.03], atol=1e-12)

@@ -26,7 +26,6 @@ from rb_sim.integrate.methods.rk4 import Rk4
 from rb_sim.motion import motion
 from rb_sim.motion.motion import Limits
 from rb_sim.scene.compile import compile_scene
-from tests.interpreted import interpreted
 
 PUSHED = {
     "bodies": {"puck": {"mass": 2.0, "inertia": [0.1, 0.2, 0.3], "angular_velocity": [0, 0, 1]}},
@@ -61,13 +60,13 @@ def stalls(scene: dict, step: float, limits: Limits) -> tuple[str, float]:
 
 @pytest.mark.parametrize("scene", [PUSHED, BOUNCING], ids=["smooth", "contact"])
 def test_steps_to_one_sample_are_bounded(scene) -> None:
-    text, t = interpreted(stalls, scene, 1e-6, Limits(steps=100))
+    text, t = stalls(scene, 1e-6, Limits(steps=100))
     assert text.startswith("the motion no longer advances: ") and "the step is 1e-06 s" in text
     assert t == 0.0
 
 
 def test_wall_time_to_one_sample_is_bounded() -> None:
-    text, t = interpreted(stalls, PUSHED, 1e-6, Limits(wall_time=1e-3))
+    text, t = stalls(PUSHED, 1e-6, Limits(wall_time=1e-3))
     assert text.startswith("the motion no longer advances") and t == 0.0
 
 
@@ -78,7 +77,7 @@ def many_samples(limits: Limits) -> int:
 
 def test_limits_count_from_sample_to_sample() -> None:
     """4000 steps in all, 100 from one sample to the next."""
-    assert interpreted(many_samples, Limits(steps=2000)) == 41
+    assert many_samples(Limits(steps=2000)) == 41
 
 
 @short_calls()
@@ -107,7 +106,7 @@ def split(scene: dict) -> tuple[list, list, int]:
 )
 def test_an_advance_that_was_ended_goes_on_to_the_same_bits(scene, step) -> None:
     options = scene["simulation"] | {"step": step}
-    whole, parted, looks = interpreted(split, scene | {"simulation": options})
+    whole, parted, looks = split(scene | {"simulation": options})
     assert parted == whole
     assert looks >= 1
 

@@ -23,7 +23,6 @@ from rb_sim.ros.topics.topic_sink import BATCH, CheckSink
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
 from tests.checks.test_check_list import TOP
-from tests.interpreted import interpreted
 
 
 class FakeNode:
@@ -105,7 +104,7 @@ def reports() -> list[tuple[bytes, str, dict[str, str], list[str]]]:
 
 def test_a_broken_balance_is_a_warning_until_reset() -> None:
     """Semi-implicit Euler on a fast top gains energy; a failure goes before, and keeps it."""
-    start, broken, failed, again = interpreted(reports)
+    start, broken, failed, again = reports()
     assert start[:2] == (DiagnosticStatus.OK, "paused") and not start[3]
     level, message, values, said = broken
     assert level == DiagnosticStatus.WARN
@@ -133,7 +132,7 @@ def unheard() -> tuple[int, list[str], int]:
 
 
 def test_what_nobody_listens_to_is_not_packed_but_still_said() -> None:
-    to_nobody, said, to_somebody = interpreted(unheard)
+    to_nobody, said, to_somebody = unheard()
     assert to_nobody == 0 and to_somebody == 1
     assert any("energy" in line for line in said)
 
@@ -161,7 +160,7 @@ def by_thread_and_at_once() -> list[tuple[int, list[str], dict[str, Any] | None]
 
 
 def test_the_thread_puts_samples_together_in_parts_and_finds_the_same() -> None:
-    at_once, by_thread = interpreted(by_thread_and_at_once)
+    at_once, by_thread = by_thread_and_at_once()
     assert at_once[0] > BATCH and at_once[1]
     assert by_thread == at_once
 
@@ -177,7 +176,7 @@ def quick_controller() -> tuple[bytes, str]:
 
 
 def test_a_controller_that_is_faster_than_the_samples_is_no_warning() -> None:
-    assert interpreted(quick_controller) == (DiagnosticStatus.OK, "20")
+    assert quick_controller() == (DiagnosticStatus.OK, "20")
 
 
 def two_clocks() -> list[tuple[bytes, str, list[str]]]:
@@ -194,7 +193,7 @@ def two_clocks() -> list[tuple[bytes, str, list[str]]]:
 
 
 def test_another_clock_is_a_warning_while_it_is_there() -> None:
-    alone, other, still, gone, without = interpreted(two_clocks)
+    alone, other, still, gone, without = two_clocks()
     assert alone[0] == gone[0] == without[0] == DiagnosticStatus.OK
     assert other[0] == still[0] == DiagnosticStatus.WARN
     assert other[1] == still[1] == "new: other publishers of the clock"

@@ -38,20 +38,20 @@ def test_the_shipped_file_names_every_parameter_with_its_default():
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("rate", -1.0, "rate: -1.0 is outside [0, 100000]"),
-        ("rate", float("nan"), "rate: nan is outside"),
-        ("step", float("inf"), "step: inf is outside"),
-        ("tolerance", "fine", "tolerance: 'fine' is not of type float"),
+        ("rate", -1.0, "rate: got -1.0; must be within [0, 100000]"),
+        ("rate", float("nan"), "rate: got nan; must be within"),
+        ("step", float("inf"), "step: got inf; must be within"),
+        ("tolerance", "fine", "tolerance: got 'fine'; must be of type float"),
         (
             "method",
             "leapfrog",
-            "method: 'leapfrog' is none of euler, rk4, dopri853, gauss6, radau5, taylor, "
+            "method: got 'leapfrog'; must be one of euler, rk4, dopri853, gauss6, radau5, taylor, "
             "time_stepping, auto",
         ),
-        ("publish_depth", 1.5, "publish_depth: 1.5 is not of type int"),
-        ("publish_depth", 0, "publish_depth: 0 is outside [1, 10000]"),
-        ("frame_prefix", "/robot1/", "frame_prefix: '/robot1/' begins with a slash"),
-        ("log_bag", 1, "log_bag: 1 is not of type bool"),
+        ("publish_depth", 1.5, "publish_depth: got 1.5; must be of type int"),
+        ("publish_depth", 0, "publish_depth: got 0; must be within [1, 10000]"),
+        ("frame_prefix", "/robot1/", "frame_prefix: got '/robot1/'; must not begin"),
+        ("log_bag", 1, "log_bag: got 1; must be of type bool"),
     ],
 )
 def test_a_wrong_value_is_refused_with_the_reason(name, value, words):
@@ -82,7 +82,7 @@ REFUSED: list[tuple[list[str] | dict[str, object], str]] = [
     (["a.yaml", "--ros-args", "--params-file", "missing"], "ROS refused to start"),
     ({"out": "x" * 300}, "parameter out: xxx"),
     ({"out": "file/out"}, "file/out/bag: cannot record here"),
-    ({"rate": -5.0}, "parameter rate: -5.0 is outside [0, 100000]"),
+    ({"rate": -5.0}, "parameter rate: got -5.0; must be within [0, 100000]"),
     ({"method": "euler", "tolerance": 1e-6}, "tolerance"),
     ({"imu": "moon"}, "parameter imu: got body 'moon'; must be one of ball"),
     ({"split_size": 5000, "out": "run"}, "split_size: got 5000; must be 0 (never) or at least"),
@@ -126,7 +126,7 @@ def test_changes_while_running(sphere, start, client: Client):
     for value, reason in (
         (-1.0, "out of range"),
         (float("nan"), "out"),
-        ("fast", "is not of type"),
+        ("fast", "must be of type"),
     ):
         result = client.set("real_time_factor", value)
         assert not result.successful and reason in result.reason, result

@@ -140,7 +140,7 @@ def test_a_node_that_compiles_is_there_already_and_answers(
             assert not answer.success and "still compiling" in answer.message
         assert client.set("real_time_factor", 0.5).successful
         assert not client.describe("real_time_factor").read_only
-        assert "is not of type" in client.set("real_time_factor", "slow").reason
+        assert "must be of type" in client.set("real_time_factor", "slow").reason
         go_on.touch()
         client.until(lambda: states[-1:] == ["paused"], "the end of compiling", timeout=240.0)
         assert "running" not in states

@@ -25,7 +25,6 @@ import rb_sim
 from rb_sim import RbSimError, Simulation, Trajectory, load_scene
 from rb_sim.scene.compile import compile_scene
 from rb_sim.simulation.scene_in_motion import Commands
-from tests.interpreted import interpreted
 
 G = 9.81
 THROWN = {
@@ -53,7 +52,7 @@ def _at():
 
 
 def test_samples_lie_at_the_instants_given():
-    first, second, whole, said, sample = interpreted(_at)
+    first, second, whole, said, sample = _at()
     assert first.t.tolist() == [0.0, 0.123, 1.0 / 3.0, 0.77] and second.t.tolist() == [0.8, 0.9]
     for run in (first, second, whole):
         t = run.t
@@ -94,7 +93,7 @@ def _events():
 
 def test_states_at_events():
     """A ball that falls 0.4 m and bounces with e = 0.5: its speed just before and just after."""
-    plain, run = interpreted(_events)
+    plain, run = _events()
     fall, speed = np.sqrt(2 * 0.4 / G), np.sqrt(2 * G * 0.4)
     (bounce,) = [found for found in run.at_events if found.event.kind == "impact"]
     assert abs(bounce.event.t - fall) < 1e-13
@@ -126,7 +125,7 @@ def _events_later():
 
 def test_states_at_events_from_any_time_on():
     """Pushed for 0.1 s with its weight, then thrown down at 1 m/s, looked at from 0.15 s on."""
-    run = interpreted(_events_later)
+    run = _events_later()
     height = 0.4 - G * 0.1**2  # twice g/2
     fall = (-1.0 + np.sqrt(1.0 + 2.0 * G * height)) / G
     (bounce,) = [found for found in run.at_events if found.event.kind == "impact"]
@@ -291,7 +290,7 @@ def commanded() -> Any:
 
 
 def test_a_command_in_body_axes_is_reported_in_the_worlds() -> None:
-    block = interpreted(commanded)
+    block = commanded()
     turn = Rotation.from_rotvec(1.1 / 3.0 * np.array([1.0, 2.0, 2.0]))
     assert_allclose(block.command[0, 0], [*turn.apply(FORCE), *turn.apply(TORQUE)], rtol=1e-12)
     push = MASS * (block.linear_velocity[1, 0] - block.linear_velocity[0, 0]) / 1e-6
@@ -329,6 +328,6 @@ def recorded() -> list[tuple[float, str, tuple[float, ...]]]:
 
 def test_a_command_that_is_in_force_already_is_recorded_with_its_time() -> None:
     """A bag has commands as they came."""
-    found = interpreted(recorded)
+    found = recorded()
     assert [one[1:] for one in found] == [("box", (2.0, 0.0, 0.0))] * 3
     assert_allclose([one[0] for one in found], [0.0, 0.1, 0.2], rtol=1e-12)

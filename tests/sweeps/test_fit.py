@@ -26,7 +26,6 @@ from rb_sim.simulation.sensitivity import NotSmoothError
 from rb_sim.sweeps.fit import correlation, outliers
 from rb_sim.sweeps.unknowns import free_numbers
 from tests.cli.process import invoke
-from tests.interpreted import interpreted
 
 TIMES = {"duration": 1.0, "rate": 40, "method": "rk4", "step": 0.0125}
 BOX = {"mass": 2.0, "inertia": [0.1, 0.2, 0.3]}
@@ -139,7 +138,7 @@ def _plain(value: Any) -> Any:
 @pytest.mark.parametrize("name", [n for n in SCENES if n not in ("attitude", "shares")])
 def test_truth_within_its_errors(name):
     """Four standard errors of each number; noise as it was put in."""
-    reported = interpreted(refit, name, 5, None)
+    reported = refit(name, 5, None)
     off = np.abs(reported["found"] - reported["truth"]) / reported["errors"]
     assert (off < 4.0).all(), dict(zip(reported["names"], off, strict=True))
     assert (reported["errors"] > 0).all() and np.isfinite(reported["errors"]).all()
@@ -148,7 +147,7 @@ def test_truth_within_its_errors(name):
 
 
 def test_an_orientation_at_the_start():
-    reported = interpreted(refit, "attitude", 2, NOISE)
+    reported = refit("attitude", 2, NOISE)
     off = np.abs(reported["found"] - reported["truth"]) / reported["errors"]
     assert (off < 4.0).all(), off
     assert (reported["errors"] < NOISE[1]).all()
@@ -157,7 +156,7 @@ def test_an_orientation_at_the_start():
 @pytest.mark.parametrize("exact", [True, False])
 def test_what_the_motion_does_not_tell_is_named_and_stays(exact):
     """The inertia of a body that nothing turns has no size, only shares."""
-    reported = interpreted(refit if exact else refit_by_differences, "shares", 3, NOISE)
+    reported = (refit if exact else refit_by_differences)("shares", 3, NOISE)
     name = "bodies.nut.inertia"
     assert reported["undetermined"] == [f"{name}[0] and {name}[1] and {name}[2]"]
     assert np.isinf(reported["errors"]).all()
@@ -167,7 +166,7 @@ def test_what_the_motion_does_not_tell_is_named_and_stays(exact):
 
 def test_errors_are_as_wide_as_they_say():
     """Over five recordings of the drag scene the fitted values scatter as the errors say."""
-    reported = [interpreted(refit, "drag", seed, NOISE) for seed in range(5)]
+    reported = [refit("drag", seed, NOISE) for seed in range(5)]
     off = np.array([(t["found"] - t["truth"])[0] / t["errors"][0] for t in reported])
     assert 0.3 < np.sqrt(np.mean(off**2)) < 2.0
 
@@ -236,7 +235,7 @@ def test_an_angle_in_degrees_starts_from_its_radians():
 def test_bodies_at_instants_of_their_own():
     """Neither body is laid beside the instants of the other; attitudes without noise do not make
     the positions' smaller; a mass that has no effect stays where it was."""
-    reported = interpreted(refit_two)
+    reported = refit_two()
     found = reported["found"]
     assert abs(found.values[0] - 0.3) < 4.0 * found.errors[0]
     assert found.noise["position"] == pytest.approx(NOISE[0], rel=0.2)

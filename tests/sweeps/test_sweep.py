@@ -18,13 +18,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 from typer.testing import CliRunner
 
@@ -37,7 +38,7 @@ from rb_sim.sweeps.expressions import EVENT_KINDS
 from rb_sim.sweeps.one_run import GIVEN_UP, PlanRunner
 from rb_sim.sweeps.plan import LoadedPlan, load_plan, points
 from rb_sim.sweeps.sweep import _checked, check_guarded, client, sweep
-from tests.sweeps.cluster import PATIENCE, Cluster
+from tests.sweeps.cluster import PATIENCE, one_more_worker
 from tests.sweeps.plans import height, plan
 
 pytest.importorskip("pyarrow")
@@ -50,27 +51,20 @@ PLANS = sorted(
 )
 
 
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    with Cluster(tmp_path_factory.mktemp("cluster")) as started:
-        yield started
-
-
 def columns(result: Any) -> dict[str, np.ndarray]:
     table = result.table()
     return {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
 
 
-def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path) -> None:
-    victims = list(cluster.worker_pids[:1])
-
-    def kill(done: int, total: int, failed: int) -> None:
-        if victims:
-            os.kill(victims.pop(), signal.SIGKILL)
-
+def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path, here: str) -> None:
     description = plan(tmp_path, draws=200)
-    result = sweep(description, tmp_path / "out", scheduler=cluster.address, batch=7, progress=kill)
-    assert not victims
+    with one_more_worker(here) as victim:
+
+        def kill(done: int, total: int, failed: int) -> None:
+            with suppress(ProcessLookupError):
+                os.kill(victim, signal.SIGKILL)
+
+        result = sweep(description, tmp_path / "out", scheduler=here, batch=7, progress=kill)
     found = columns(result)
     assert found["run"].tolist() == list(range(200))
     assert set(found["status"]) == {"ok"}
@@ -79,32 +73,6 @@ def test_a_killed_worker_costs_nothing_but_time(cluster: Cluster, tmp_path: Path
     assert found["height"].mean() == pytest.approx(
         height(found["speed"].mean(), found["start"].mean()), abs=1e-13
     )
-
-
-def test_one_and_two_workers_a_cut_and_a_resumed_sweep_agree_to_the_bit(
-    tmp_path: Path, here: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two processes of their own, and one thread that goes on with what was cut off."""
-    module, workers = sys.modules["rb_sim.sweeps.sweep"], []
-    run_batches = module.run_batches
-
-    def counting(connected: Any, *rest: Any) -> None:
-        workers.append(len(connected.scheduler_info()["workers"]))
-        run_batches(connected, *rest)
-
-    monkeypatch.setattr(module, "run_batches", counting)
-    description = plan(tmp_path)
-    two = columns(sweep(description, tmp_path / "two", workers=2, batch=7))
-    cut = tmp_path / "cut"
-    sweep({**description, "draws": 10}, cut, scheduler=here)
-    resumed = sweep(description, cut, scheduler=here, batch=11)
-    assert resumed.reused == 10
-    one = columns(resumed)
-    for name in two:
-        assert (one[name] == two[name]).all(), name
-    assert sweep(description, cut, scheduler=here).reused == 40
-    assert workers == [2, 1, 1]  # the last one had nothing to do
-    readable_by_everybody(cut, two)
 
 
 OSCILLATOR = """\
@@ -126,7 +94,7 @@ simulation: {duration: 1.5, rate: 10, method: dopri853, tolerance: 1.0e-10}
 
 
 def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
-    cluster: Cluster, tmp_path: Path
+    tmp_path: Path, here: str
 ) -> None:
     """E = (m v^2 + k x^2) / 2, <E> = (m 0.2^2 + k 0.03^2) / 2, and half of it is in the spring."""
     (tmp_path / "oscillator.yaml").write_text(OSCILLATOR)
@@ -138,7 +106,7 @@ def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
     outputs["stored"] = "integral(potential_energy) / 3"
     description = {"scene": str(tmp_path / "oscillator.yaml"), "vary": vary, "outputs": outputs}
     description |= {"draws": 400, "seed": 3}
-    found = columns(sweep(description, tmp_path / "out", scheduler=cluster.address))
+    found = columns(sweep(description, tmp_path / "out", scheduler=here))
     closed = 0.5 * (2.0 * found["v"] ** 2 + 50.0 * found["x"] ** 2)
     assert found["end"] == pytest.approx(closed, rel=1e-10, abs=1e-14)
     assert found["spread"].max() < 1e-11
@@ -148,9 +116,7 @@ def test_the_mean_energy_of_linear_oscillators_is_that_of_their_starts(
     assert abs(found["stored"] / closed - 0.5).max() < 1.0 / 30.0 + 0.01
 
 
-def test_where_balls_land_has_the_moments_of_the_closed_form(
-    cluster: Cluster, tmp_path: Path
-) -> None:
+def test_where_balls_land_has_the_moments_of_the_closed_form(tmp_path: Path, here: str) -> None:
     """t = (v + sqrt(v^2 + 2 g h)) / g and x = u t, u apart from t: <x> = <u> <t>."""
     (tmp_path / "ball.yaml").write_text(BALL)
     vary = {
@@ -162,7 +128,7 @@ def test_where_balls_land_has_the_moments_of_the_closed_form(
     outputs = {"t": t, "x": f"u * {t}"}
     description = {"scene": str(tmp_path / "ball.yaml"), "vary": vary, "outputs": outputs}
     description |= {"draws": 100, "sampling": "sobol"}
-    found = columns(sweep(description, tmp_path / "out", scheduler=cluster.address))
+    found = columns(sweep(description, tmp_path / "out", scheduler=here))
     closed = (found["v"] + np.sqrt(found["v"] ** 2 + 2.0 * 9.81 * (found["h"] - 0.1))) / 9.81
     assert found["t"] == pytest.approx(closed, abs=1e-12)
     assert found["x"].sum() == pytest.approx((found["u"] * closed).sum(), abs=1e-10)
@@ -174,18 +140,23 @@ def test_where_balls_land_has_the_moments_of_the_closed_form(
 
 
 def test_ctrl_c_keeps_what_has_ended_and_the_same_sweep_goes_on(tmp_path: Path, here: str) -> None:
-    """Every process of a terminal's command hears Ctrl-C; nobody complains."""
-    (tmp_path / "plan.yaml").write_text(json.dumps({**plan(tmp_path), "draws": 200}))
+    """Every process of a terminal's command hears Ctrl-C; nobody complains. What two processes of
+    its own have begun and one thread goes on with is to the bit what the thread does alone."""
+    described = {**plan(tmp_path), "draws": 200}
+    (tmp_path / "plan.yaml").write_text(json.dumps(described))
     out = tmp_path / "out"
     command = [sys.executable, "-m", "rb_sim.cli.main", "sweep", str(tmp_path / "plan.yaml")]
-    command += ["--out", str(out), "--workers", "1", "--no-lanes", "--batch", "20"]
+    command += ["--out", str(out), "--workers", "2", "--no-lanes", "--batch", "20"]
     pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, start_new_session=True, **pipes) as process:
         end = time.monotonic() + PATIENCE
         while not list(out.glob("runs/*/*.parquet")) and time.monotonic() < end:
             time.sleep(0.02)
+        started = psutil.Process(process.pid).children(recursive=True)
+        workers = [one for one in started if "spawn_main" in " ".join(one.cmdline())]
         os.killpg(process.pid, signal.SIGINT)
         stdout, stderr = process.communicate(timeout=PATIENCE)
+    assert len(workers) == 2
     assert (process.returncode, stderr) == (130, "interrupted\n")
     assert "interrupted; finished runs are in" in stdout.replace("\n", " ")
     kept = len(pd.read_parquet(out / "runs"))
@@ -196,6 +167,11 @@ def test_ctrl_c_keeps_what_has_ended_and_the_same_sweep_goes_on(tmp_path: Path, 
     assert table["run"].tolist() == list(range(200))
     closed = height(table["speed"], table["start"]).to_numpy()
     assert table["height"].to_numpy() == pytest.approx(closed, abs=1e-13)
+    whole = columns(sweep(described, tmp_path / "whole", scheduler=here, batch=11))
+    for name, column in whole.items():
+        assert (table[name].to_numpy() == column).all(), name
+    assert sweep(described, out, scheduler=here).reused == 200
+    readable_by_everybody(out, whole)
 
 
 def readable_by_everybody(folder: Path, expected: dict[str, np.ndarray]) -> None:
@@ -338,8 +314,8 @@ def test_every_kind_of_event_can_be_asked_for() -> None:
     assert words <= set(EVENT_KINDS)
 
 
-def test_what_goes_wrong_on_a_cluster_is_not_the_schedulers_silence(cluster: Cluster) -> None:
-    with pytest.raises(OSError, match="^disk$"), client(None, cluster.address):
+def test_what_goes_wrong_on_a_cluster_is_not_the_schedulers_silence(here: str) -> None:
+    with pytest.raises(OSError, match="^disk$"), client(None, here):
         raise OSError("disk")
 
 

@@ -12,14 +12,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rb_sim.bags.analysis.bodies import BodyFigures, scene_with
-from rb_sim.bags.analysis.derivatives import Body, Motion, velocity_noise
+from rb_sim.bags.analysis.derivatives import Body, Jump, Motion
 from rb_sim.bags.analysis.whole import Whole
 from rb_sim.bags.info import linear
 from rb_sim.bags.tracks import axes_of, poses_of
@@ -59,8 +59,6 @@ APART = 0.5
 """Relative RMS residual above which a mismatch is reported even if no alternative fits."""
 ABOVE_NOISE = 5.0
 """Minimum ratio of velocities from poses to their noise for this check."""
-EARLY = 64
-"""Number of twist pieces buffered until the first poses."""
 MOST = 200_000
 """Number of readings buffered until the poses of their time; beyond it the oldest are dropped."""
 
@@ -71,49 +69,6 @@ class Fit(NamedTuple):
     off: float
     """RMS residual relative to the larger of the two velocities."""
     words: str
-
-
-class Twists:
-    """Assigns twists to poses: of the same message, else the only ones in the topic's folder."""
-
-    def __init__(self) -> None:
-        self._poses: dict[str, tuple[Piece, BodyFigures]] = {}
-        self._checks: dict[str, TwistCheck | None] = {}
-        self._early: list[tuple[Piece, np.ndarray]] = []
-
-    def poses(self, piece: Piece, figures: BodyFigures) -> None:
-        """Register a source of poses."""
-        self._poses[piece.source] = piece, figures
-        early, self._early = self._early, []
-        for waiting in early:
-            self.add(*waiting)
-
-    def add(self, piece: Piece, t: np.ndarray) -> None:
-        """Append readings of a twist at times t [s]."""
-        if piece.source not in self._checks:
-            names = poses_of(piece.source, self._poses)
-            if not names:
-                self._early = [*self._early[1 - EARLY :], (piece, t)]
-                return
-            self._checks[piece.source] = self._check(piece, names)
-        check = self._checks[piece.source]
-        if check is not None:
-            check.add(t, piece.values)
-
-    def _check(self, piece: Piece, names: list[str]) -> TwistCheck | None:
-        pose, figures = self._poses[names[0]]
-        axes = axes_of(piece, pose)
-        if len(names) > 1 or not axes:
-            return None
-        own = piece.source == f"{pose.source}:twist"
-        check = TwistCheck(piece.source, axes, figures.center_of_mass, own)
-        figures.listen(lambda motion, jumps: check.motion(motion))
-        return check
-
-    @property
-    def notes(self) -> list[str]:
-        """Notes of all twist checks."""
-        return [line for check in self._checks.values() if check for line in check.notes]
 
 
 class TwistCheck:
@@ -139,8 +94,9 @@ class TwistCheck:
         while sum(len(part) for part, _ in self._waiting[1:]) > MOST:
             del self._waiting[0]
 
-    def motion(self, motion: Motion) -> None:
+    def motion(self, motion: Motion, jumps: Sequence[Jump] = ()) -> None:
         """Append motion from the poses, and compare the readings within its time span."""
+        del jumps
         if not self._waiting or len(motion.t) < 2:
             return
         t = np.concatenate([part for part, _ in self._waiting])
@@ -154,9 +110,7 @@ class TwistCheck:
     def _compare(self, motion: Motion, t: np.ndarray, twist: np.ndarray) -> None:
         q = motion.orientation
         v = motion.velocity - cross(motion.spin, rotate(q, self._center))
-        for j, (posed, noise) in enumerate(
-            zip((v, motion.spin), velocity_noise(motion), strict=True)
-        ):
+        for j, (posed, noise) in enumerate(zip((v, motion.spin), motion.scatter[2:], strict=True)):
             a = twist[:, 3 * j : 3 * j + 3]
             at = {"world": linear(t, motion.t, posed)}
             at["body"] = linear(t, motion.t, rotate(conjugate(q), posed))
@@ -252,8 +206,8 @@ class Fall:
 FEW, SHUFFLED = 3, 0.01
 """Number of steps back in time, absolute and relative to a source's readings, above which its
 messages count as unordered: clocks are not set that often."""
-MOST_EARLY = 4096
-"""Number of wrench pieces buffered until the poses of their body."""
+MOST_EARLY = {TWIST: 64, WRENCH: 4096}
+"""Number of pieces buffered until the poses of their body, by kind."""
 
 
 class Anybody:
@@ -275,21 +229,17 @@ class Anybody:
         self._title: dict[Whole, str] = {}
         self._whole: dict[str, Whole] = {}
         """by body."""
-        self._child: dict[str, str] = {}
-        """child frame of each body's poses, "" if not given."""
-        self._parent: dict[str, str] = {}
-        """frame in which each body's poses are expressed, "" if not given."""
-        self._worlds: set[str] = set(WORLD)
-        self._twists = Twists()
+        self._posed: dict[str, Piece] = {}
+        """first pose of each body."""
+        self._first: dict[str, Piece] = {}
+        """first pose of each source."""
         self._falls: dict[str, Fall] = {}
         """by source of poses."""
-        self._own_twists: dict[str, list[Piece]] = {}
-        """twists of messages that also hold a pose, until those poses arrive."""
+        self._checks: dict[str, TwistCheck | None] = {}
+        """by source of twists."""
         self._early: list[tuple[Piece, np.ndarray]] = []
         self._stamp: dict[str, int] = {}
         self._same: Counter[str] = Counter()
-        self._frames: dict[str, tuple[str, str]] = {}
-        """frame and child frame of each source of poses."""
         self._carried: dict[str, str] = {}
         """frame to which the wrenches of each source were transformed."""
         if scene is not None:
@@ -317,44 +267,35 @@ class Anybody:
                 found.notes.append(f"{name}: time goes back {back} times{_why(back, figures)}")
 
     def _follow(self, piece: Piece, t: np.ndarray) -> None:
-        """Process readings at times t [s]."""
+        """Process readings at times t [s]; those whose body has no poses yet wait for them."""
         if piece.kind == POSE:
-            if piece.source not in self._found.bodies:
+            if piece.source not in self._first:
                 self._begin(piece)
                 early, self._early = self._early, []
                 for waiting in early:
-                    self._acted(*waiting)
+                    self._follow(*waiting)
             self._add(piece, t)
-        elif piece.kind == TWIST:
-            self._twists.add(piece, t)
-            if piece.source.endswith(":twist"):
-                self._own_twists.setdefault(piece.source.removesuffix(":twist"), []).append(piece)
+            return
+        taken = True
+        if piece.kind == TWIST:
+            taken = self._compared(piece, t)
         elif piece.kind == WRENCH and self._masses:
-            self._acted(piece, t)
+            taken = self._acted(piece, t)
+        before = sum(waiting.kind == piece.kind for waiting, _ in self._early)
+        if not taken and before < MOST_EARLY[piece.kind]:
+            self._early.append((piece, t))
 
     def _add(self, piece: Piece, t: np.ndarray) -> None:
         """Add poses; of several with the same stamp only the first."""
         last = self._stamp.get(piece.source)
         fresh = np.diff(piece.stamp, prepend=piece.stamp[0] - 1 if last is None else last) != 0
         self._stamp[piece.source] = int(piece.stamp[-1])
-        twist = self._twist_at(piece)
         if not fresh.all():
             self._same[piece.source] += int((~fresh).sum())
-            t, piece = t[fresh], piece._replace(values=piece.values[fresh])
-            twist = None if twist is None else twist[fresh]
+            t, piece = t[fresh], piece.take(fresh)
         if len(t):
+            twist = piece.twist if piece.twist.shape[1] else None
             self._found.bodies[piece.source].add(t, piece.values, twist=twist)
-
-    def _twist_at(self, piece: Piece) -> np.ndarray | None:
-        """Twists with the stamps of these poses, shape (n, 6); NaN for a pose without one."""
-        parts = self._own_twists.pop(piece.source, [])
-        if not parts:
-            return None
-        stamp = np.concatenate([part.stamp for part in parts])
-        order = np.argsort(stamp, kind="stable")
-        at = order[np.minimum(np.searchsorted(stamp[order], piece.stamp), len(stamp) - 1)]
-        values = np.concatenate([part.values for part in parts])[at]
-        return np.where((stamp[at] == piece.stamp)[:, None], values, np.nan)
 
     def finish(self) -> None:
         """Finish balances and constraint errors, after the last reading."""
@@ -365,7 +306,10 @@ class Anybody:
         self._found.notes += [
             f"{source}: {fall.note}" for source, fall in self._falls.items() if fall.note
         ]
-        self._found.notes += self._moving_frames() + self._several_frames() + self._twists.notes
+        self._found.notes += self._moving_frames() + self._several_frames()
+        self._found.notes += [
+            line for check in self._checks.values() if check for line in check.notes
+        ]
         self._found.notes += [
             f"{source}: carried over to the frame {frame} by static transforms"
             for source, frame in self._carried.items()
@@ -374,40 +318,37 @@ class Anybody:
             self._found.notes += [
                 f"{name}: no frame and no topic has this name: no balance"
                 for name in self._masses
-                if name not in self._child
+                if name not in self._posed
             ]
         for whole, title in self._title.items():
-            result = whole.finish(self._child)
+            result = whole.finish(self._posed)
             self._found.notes += whole.notes
             constraints = result.pop("constraints")
             self._found.constraints = constraints or self._found.constraints
             if result["energy"] is not None:
                 self._found.balances[title] = result
-        for source in dict.fromkeys(piece.source for piece, _ in self._early):
+        for source in dict.fromkeys(p.source for p, _ in self._early if p.kind == WRENCH):
             self._found.notes.append(
                 f"{source}: not in the balance: neither its frame nor its topic names a body"
             )
 
     def _begin(self, piece: Piece) -> None:
         """Register a new source of poses."""
+        first = self._first[piece.source] = piece.take(slice(1))
         again = piece.source in self._readings.composed
         name = None if again else self._named(piece.source, piece.child)
-        self._frames[piece.source] = piece.frame, piece.child
         body = None if name is None else self._masses[name]
         listener = None
-        self._worlds.add(piece.frame)
-        if name in self._child:
+        if name in self._posed:
             note = f"{piece.source}: {name} has poses already: not in the balance"
             self._found.notes.append(note)
         elif name is not None and body is not None:
-            self._child[name] = piece.child
-            self._parent[name] = plain(piece.frame)
+            self._posed[name] = first
             if name not in self._whole:
                 self._make(name, (name,), lambda: scene_with(name, body))
             if name in self._whole:
                 listener = partial(self._whole[name].motion, name)
         figures = self._found.bodies[piece.source] = BodyFigures(body, listener)
-        self._twists.poses(piece, figures)
         fall = self._falls[piece.source] = Fall()
         figures.listen(lambda motion, jumps: fall.look(motion))
 
@@ -420,11 +361,30 @@ class Anybody:
         self._title[whole] = title
         self._whole |= dict.fromkeys(names, whole)
 
-    def _acted(self, piece: Piece, t: np.ndarray) -> None:
-        """Apply wrenches to the body that has or carries (a sensor's) their frame.
+    def _compared(self, piece: Piece, t: np.ndarray) -> bool:
+        """Compare twists with the poses of the same message, else with the only ones in the folder
+        of their topic; False if there are none yet."""
+        if piece.source not in self._checks:
+            names = poses_of(piece.source, self._first)
+            if not names:
+                return False
+            pose, figures = self._first[names[0]], self._found.bodies[names[0]]
+            check, axes = None, axes_of(piece, pose)
+            if len(names) == 1 and axes:
+                own = piece.source == f"{pose.source}:twist"
+                check = TwistCheck(piece.source, axes, figures.center_of_mass, own)
+                figures.listen(check.motion)
+            self._checks[piece.source] = check
+        if check := self._checks[piece.source]:
+            check.add(t, piece.values)
+        return True
+
+    def _acted(self, piece: Piece, t: np.ndarray) -> bool:
+        """Apply wrenches to the body that has or carries (a sensor's) their frame; False if it has
+        no poses yet.
 
         Wrenches in a world frame are assigned by their topic."""
-        bodies = {plain(child): name for name, child in self._child.items() if child}
+        bodies = {plain(pose.child): name for name, pose in self._posed.items() if pose.child}
         bodies |= {name: name for name in self._masses}
         body = bodies.get(plain(piece.frame))
         carrier = None if body else self._readings.fixed.carrier(piece.frame, bodies)
@@ -432,16 +392,17 @@ class Anybody:
         if carrier is not None:
             body, values = bodies[carrier[0]], carried_over(values, carrier[1])
         own_axes = body is not None
-        if body is None and piece.frame in self._worlds - self._readings.inner:
+        worlds = {*WORLD, *(pose.frame for pose in self._first.values())} - self._readings.inner
+        if body is None and piece.frame in worlds:
             parts = words(piece.source)
             named = [name for name in self._masses if name in parts]
             body = named[0] if len(named) == 1 else self._only
-        if body is not None and body in self._whole:
-            self._whole[body].wrench(piece.source, body, own_axes, t, values)
-            if carrier is not None:
-                self._carried[piece.source] = carrier[0]
-        elif len(self._early) < MOST_EARLY:
-            self._early.append((piece, t))
+        if body is None or body not in self._whole:
+            return False
+        self._whole[body].wrench(piece.source, body, own_axes, t, values)
+        if carrier is not None:
+            self._carried[piece.source] = carrier[0]
+        return True
 
     @property
     def _only(self) -> str | None:
@@ -457,14 +418,15 @@ class Anybody:
 
     def _moving_frames(self) -> list[str]:
         """Notes on sources whose reference frame itself moves."""
-        frames = self._frames
-        moving = {plain(child): source for source, (_, child) in frames.items()
-                  if child and self._found.figures[source].moves}  # fmt: skip
+        moving = {plain(pose.child): source for source, pose in self._first.items()
+                  if pose.child and self._found.figures[source].moves}  # fmt: skip
         return [
-            f"{source}: its poses are in the frame {frame}, which moves ({moving[plain(frame)]}): "
+            f"{source}: its poses are in the frame {pose.frame}, which moves "
+            f"({moving[plain(pose.frame)]}): "
             "velocities and balances are relative to that frame, without its inertial forces"
-            for source, (frame, _) in frames.items()
-            if moving.get(plain(frame), source) != source and source not in self._readings.composed
+            for source, pose in self._first.items()
+            if moving.get(plain(pose.frame), source) != source
+            and source not in self._readings.composed
         ]
 
     def _several_frames(self) -> list[str]:
@@ -472,9 +434,9 @@ class Anybody:
         lines = []
         for whole, title in self._title.items():
             frames: dict[str, list[str]] = {}
-            for name, frame in self._parent.items():
-                if self._whole.get(name) is whole and frame:
-                    frames.setdefault(frame, []).append(name)
+            for name, pose in self._posed.items():
+                if self._whole.get(name) is whole and plain(pose.frame):
+                    frames.setdefault(plain(pose.frame), []).append(name)
             if len(frames) > 1:
                 where = ", ".join(f"{' and '.join(names)} in {f}" for f, names in frames.items())
                 lines.append(

@@ -225,11 +225,6 @@ def _gain(order: int, h: float) -> float:
     return float(np.linalg.norm(_coefficients(order))) / h**order
 
 
-def velocity_noise(motion: Motion) -> tuple[float, float]:
-    """Standard deviations of the velocity [m/s] and spin [rad/s] of a motion."""
-    return motion.scatter.velocity, motion.scatter.spin
-
-
 @cache
 def _coefficients(order: int) -> np.ndarray:
     """Filter weights (WINDOW,) for a sample period of 1."""

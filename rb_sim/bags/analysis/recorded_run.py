@@ -34,11 +34,11 @@ from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.bags.transforms import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.errors import SinkError
 from rb_sim.base.names import MOST_NAMED, first_few
-from rb_sim.checks.balance import Events, Ledger
+from rb_sim.checks.balance import Events, Ledger, is_known, wrenches_on_bodies
 from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, centers_of_mass, origins
-from rb_sim.numerics.rotations import cross, rotate, unit
+from rb_sim.numerics.rotations import unit
 from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class RecordedRun:
     def __init__(self, found: Analysis, reader: BagReader) -> None:
         self._found, self._reader = found, reader
         scene, layout = scene_as_run(reader), reader.layout
-        self._balances, self._loads = Balances(scene, layout), Loads(scene, layout)
+        self._scene, self._balances = scene, Balances(scene, layout)
         self._impacts = Impacts(scene)
         self._offsets = centers_of_mass(scene.bodies, layout.bodies)
         self._laws = SceneLaws(scene) if scene.constraints else None
@@ -74,7 +74,8 @@ class RecordedRun:
 
     def _readings(self, block: SampleBlock) -> Iterator[Reading]:
         t, layout, found = block.t, self._reader.layout, self._found
-        motion, totals = origins(block, self._offsets), self._loads.totals(block)
+        motion = origins(block, self._offsets)
+        totals = wrenches_on_bodies(block, self._scene, layout)
         for name, times in self._impacts.times(block.events).items():
             found.bodies[name].struck(times)
         for i, name in enumerate(layout.bodies):
@@ -99,9 +100,17 @@ class RecordedRun:
         if any(missing.within for missing in reader.missing):
             found.notes.append("balances span the missing messages and contain their effect")
         found.balance = self._balances.finish()
-        found.notes += self._loads.notes + self._balances.notes
+        found.notes += [*self._unknown, *self._balances.notes]
         found.contacts = self._balances.contacts
         found.constraints = None if self._constraints is None else self._constraints.as_dict()
+
+    @property
+    def _unknown(self) -> list[str]:
+        """A line if effects exert a wrench that is not recorded."""
+        effects = self._scene.effects.items()
+        unknown = [f"{name} ({e.type})" for name, e in effects if not is_known(e)]  # type: ignore[attr-defined]
+        text = f"the samples do not contain the wrench of {', '.join(unknown)}"
+        return [f"{text}; the recorded total does not include it"] if unknown else []
 
 
 def _facts(reader: BagReader) -> list[str]:
@@ -122,66 +131,6 @@ def coordinates(block: SampleBlock) -> np.ndarray:
     q = unit(block.orientation)
     parts = [block.position, q, block.linear_velocity, block.angular_velocity]
     return np.concatenate(parts, axis=2).reshape(len(block), -1)
-
-
-# Total recorded wrench on each body about its centre of mass, in rb_sim bags.
-
-
-FROM_SAMPLES = ("gravity", "commanded_wrench")
-"""Effects whose force can be computed from the samples."""
-
-
-class Loads:
-    """Sums reactions (on the body and, opposite, on its parent), commands and uniform gravity.
-
-    notes: effects whose wrench is not recorded; the total lacks them.
-    """
-
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._layout = layout
-        self._offsets = centers_of_mass(scene.bodies, layout.bodies)
-        self._weights = np.zeros((len(layout.bodies), 3))
-        unknown = []
-        for name, effect in scene.effects.items():
-            kind = effect.type  # type: ignore[attr-defined]
-            if kind == "gravity":
-                for body in effect.bodies or layout.bodies:  # type: ignore[attr-defined]
-                    g = np.array(effect.acceleration)  # type: ignore[attr-defined]
-                    self._weights[layout.bodies.index(body)] += scene.bodies[body].mass * g
-            elif kind not in FROM_SAMPLES:
-                unknown.append(f"{name} ({kind})")
-        self._parents = [self._parent(scene, name) for name in layout.reactions]
-        # the load of a single bearing is contained in the entry of its whole constraint
-        self._counted = ["/" not in name for name in layout.reactions]
-        text = "the samples do not contain the wrench of " + ", ".join(unknown)
-        self.notes = [f"{text}; the recorded total does not include it"] if unknown else []
-
-    def _parent(self, scene: Scene, reaction: str) -> int | None:
-        spec = scene.constraints.get(reaction.partition("/")[0])
-        parent = getattr(spec, "parent", None)
-        return None if parent is None else self._layout.bodies.index(parent)
-
-    def totals(self, block: SampleBlock) -> np.ndarray:
-        """Force and torque about C on each of N bodies, world axes, shape (n, N, 6)."""
-        n, bodies = len(block), self._layout.bodies
-        total = np.zeros((n, len(bodies), 6))
-        total[:, :, :3] = self._weights
-        for k, body in enumerate(self._layout.reaction_bodies):
-            if not self._counted[k]:
-                continue
-            force, torque = block.reaction_force[:, k], block.reaction_torque[:, k]
-            for i, sign in ((bodies.index(body), 1.0), (self._parents[k], -1.0)):
-                if i is not None:
-                    arm = block.anchor[:, k] - block.position[:, i]
-                    total[:, i, :3] += sign * force
-                    total[:, i, 3:] += sign * (torque + cross(arm, force))
-        for m, body in enumerate(self._layout.commanded):
-            i = bodies.index(body)
-            arm = -rotate(block.orientation[:, i], self._offsets[i])
-            force, torque = block.command[:, m, :3], block.command[:, m, 3:]
-            total[:, i, :3] += force
-            total[:, i, 3:] += torque + cross(arm, force)
-        return total
 
 
 # Stretches between resets or set states, and their balances.

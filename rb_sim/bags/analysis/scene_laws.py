@@ -172,26 +172,30 @@ def _effects(system: Any, t: Any, y: list[Any]) -> list[Any]:
 
 def _wrench(row: Any, t: Any, inertial: Any, B: BodyState, A: BodyState) -> Any:
     """Force, world axes, and torque about C, body axes, of one effect."""
+
+    def plainly(t: Any, B: BodyState, A: BodyState) -> tuple[Any, ...]:
+        force, torque = wrench(row, t, inertial, B, A)
+        return (*force, *torque)
+
+    found = _traced(plainly, 6, t, B, A)
+    return found[:3], found[3:]
+
+
+def _traced(plainly: Any, results: int, t: Any, B: BodyState, A: BodyState) -> tuple[Any, ...]:
+    """Results of a function of the time and two states; it is called one instant at a time if it
+    branches on them."""
     try:
-        return wrench(row, t, inertial, B, A)
-    except TypeError:  # it branches on the time or the state
+        return plainly(t, B, A)
+    except TypeError:
+        numbers = [x for state in (B, A) for vector in state for x in vector]
 
-        def plainly(t: float, *numbers: float) -> tuple[float, ...]:
-            f, k = wrench(row, t, inertial, _state(numbers[:13]), _state(numbers[13:]))
-            return (*f, *k)
+        def on_numbers(t: float, *numbers: float) -> tuple[float, ...]:
+            return plainly(t, _state(numbers[:13]), _state(numbers[13:]))
 
-        found = _called(plainly, 6, t, B, A)
-        return found[:3], found[3:]
-
-
-def _called(plainly: Any, results: int, t: Any, B: BodyState, A: BodyState) -> tuple[Any, ...]:
-    """Results of a function of t and two states that is called one instant at a time."""
-    numbers = [x for state in (B, A) for vector in state for x in vector]
-    return call(External(plainly.__qualname__, results, plainly, lambda: 0), t, *numbers)
+        return call(External(plainly.__qualname__, results, on_numbers, lambda: 0), t, *numbers)
 
 
-def _state(numbers: Any) -> BodyState:
-    n = tuple(numbers)
+def _state(n: tuple[float, ...]) -> BodyState:
     return BodyState(n[:3], n[3:7], n[7:10], n[10:13])
 
 
@@ -214,15 +218,10 @@ def _overlaps(
 
 
 def _overlap(row: Any, t: Any, B: BodyState, A: BodyState) -> Any:
-    try:
-        return -touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap
-    except TypeError:  # it branches on the state, or its support moves
+    def plainly(t: Any, B: BodyState, A: BodyState) -> tuple[Any, ...]:
+        return (-touching(row.pair, B, carrier(row.carrier, t, A)[0]).gap,)
 
-        def plainly(t: float, *numbers: float) -> tuple[float, ...]:
-            support = carrier(row.carrier, t, _state(numbers[13:]))[0]
-            return (-touching(row.pair, _state(numbers[:13]), support).gap,)
-
-        return _called(plainly, 1, t, B, A)[0]
+    return _traced(plainly, 1, t, B, A)[0]
 
 
 # Constraint errors recomputed from poses.
@@ -249,25 +248,25 @@ class ConstraintFigures:
 
     def __init__(self, laws: SceneLaws) -> None:
         self._laws = laws
-        names = dict.fromkeys(line.constraint for line in laws.lines)
-        self._position = {name: _Worst() for name in names if self._of(name, True)}
-        self._velocity = {name: _Worst() for name in names}
+        rows: dict[str, list[int]] = {}
+        for k, line in enumerate(laws.lines):
+            rows.setdefault(line.constraint, []).append(k)
+        holonomic = {n: [k for k in ks if laws.lines[k].holonomic] for n, ks in rows.items()}
+        self._rows = rows, holonomic
+        self._position = {name: _Worst() for name, ks in holonomic.items() if ks}
+        self._velocity = {name: _Worst() for name in rows}
         self._overlap = {name: _Worst() for name in laws.points}
         self._relative = 0.0
-
-    def _of(self, name: str, holonomic: bool = False) -> list[int]:
-        """Indices of the equations of a constraint, or only of its holonomic ones."""
-        lines = enumerate(self._laws.lines)
-        return [k for k, x in lines if x.constraint == name and (x.holonomic or not holonomic)]
 
     def add(self, t: Array, found: Found) -> None:
         """Append instants t (n,) [s] and the laws' values at them."""
         if not len(t):
             return
+        rows, holonomic = self._rows
         for name, worst in self._position.items():
-            worst.follow(t, np.abs(found.gap[:, self._of(name, True)]).max(axis=1))
+            worst.follow(t, np.abs(found.gap[:, holonomic[name]]).max(axis=1))
         for name, worst in self._velocity.items():
-            worst.follow(t, np.abs(found.slip[:, self._of(name)]).max(axis=1))
+            worst.follow(t, np.abs(found.slip[:, rows[name]]).max(axis=1))
         for k, worst in enumerate(self._overlap.values()):
             worst.follow(t, found.overlap[:, k])
         arms = np.array([line.arm for line in self._laws.lines])

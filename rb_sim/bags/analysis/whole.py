@@ -26,7 +26,7 @@ from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
 from rb_sim.bags.info import GAP, GrowingTime, forward, joined, linear
 from rb_sim.bags.transforms import words
-from rb_sim.checks.balance import Account
+from rb_sim.checks.balance import Account, Balance
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
@@ -298,11 +298,10 @@ class _Balance:
         noise = self._noise()
         parts = []
         for part, size in zip(_PARTS, scale.tolist(), strict=True):
-            apart = float(np.linalg.norm(error[part]))
-            relative = apart / size if size > 0.0 else None
-            parts.append({"error": apart, "relative": relative, "scale": size,
-                          "quadrature": float(np.linalg.norm(uncertainty[part])),
-                          "noise": float(np.linalg.norm(noise[part]))})  # fmt: skip
+            off, unsure, noisy = (
+                float(np.linalg.norm(x[part])) for x in (error, uncertainty, noise)
+            )
+            parts.append(Balance(off, size, unsure, 0.0, True).as_dict() | {"noise": noisy})
         initial, final = self._ends.tolist()
         parts[0] |= {"error": float(error[0]), "initial": initial, "final": final,
                      "change": float(change[0]), "work": float(supply[0])}  # fmt: skip

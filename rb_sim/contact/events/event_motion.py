@@ -99,7 +99,7 @@ from rb_sim.contact.impacts import (
     Chatter,
     forget_bounces,
 )
-from rb_sim.contact.modes import find_held
+from rb_sim.contact.modes import lay_out_held
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
 from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (
@@ -143,19 +143,16 @@ from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_rows
 from rb_sim.scene.compiled import Compiled
 
-# Contacts that lift off at one instant: their normal forces vanish together, and none may be
-# reported # first.
-#
-# Where one of several points opens, as of a box that its floor leaves, the others bear nothing any
-# more.  To open one alone lets the others open and it close in turns, by rounding, without end.
+# Contacts that open together: if the normal forces of several points vanish at the same instant, as
+# of a box whose floor moves away, opening one alone would let them open and close in turn, by
+# rounding, without end.
 
 
 def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
-    """Rigid contacts whose normal force has fallen in the step and is over at t, but for rounding
-    of t.
+    """Rigid contacts whose normal force has fallen in the step and vanishes at t, within rounding.
 
-    system: its forces are those at t in the modes before. begun: where the step began [s]; an event
-    there has no step in which it could have fallen.
+    system: with the forces at t in the modes before. begun: start of the step [s]; an event there
+    has no step in which a force could have fallen.
     """
     if not t > begun:
         return frozenset()
@@ -168,18 +165,15 @@ def lifting(system: Any, begun: float, t: float) -> frozenset[int]:
 
 
 def bearing(system: Any, lifted: frozenset[int]) -> bool:
-    """Whether a contact bears besides those that lift off."""
+    """Whether any contact other than those that lift off is closed."""
     return bool(set(np.flatnonzero(system.contact_table[:, CLOSED] == 1.0).tolist()) - lifted)
-
-
-# Where a point leaves the face of another body's solid and may not.
 
 
 def refuse_to_leave(
     laws: Sequence[ContactLaw], t: float, names: Sequence[str], code: tuple[int, int] | None
 ) -> None:
-    """Raise SimulationError where a bilateral contact leads a point over the edge of the face that
-    guides it; code: (contact, kind) of the event that led here."""
+    """Raise SimulationError if a bilateral contact point reaches the edge of its face; code:
+    (contact, kind) of the event that led here."""
     if code is not None and code[1] == LIES_FLAT and laws[code[0]].bilateral:
         name = names[code[0]]
         raise SimulationError(
@@ -188,17 +182,17 @@ def refuse_to_leave(
         )
 
 
-# What is left of a slip or a rolling that has ended, and whether it may be taken away.
+# The end of a slip or rolling: its remaining velocity is removed.
 #
-# Where a contact comes to rest beside others, its rows and theirs may nearly depend on each other:
-# two corners of a box on compliant points are at rest along the line through both only if it
-# does not tilt.  To take away a slip that has but turned then stops the tilt: by the slip over the
-# sine of the lean, which is another motion.
+# The rows of a contact that comes to rest may be nearly dependent on those of others: two corners
+# of a box on compliant points are at rest along their connecting line only if the box does not
+# tilt. If the slip has not ended but only changed its direction, removing it would stop the tilt, a
+# change of velocity by the slip over the sine of the tilt, which is another motion.
 
 
 MOVED = 10.0
-"""Times what is left of a slip by which velocities of bodies may change for its end: where they
-would by more, and by more than errors do, it has not ended, but turned."""
+"""Largest change of the bodies' velocities at the end of a slip, relative to its remaining
+velocity; if they would change by more, the slip has not ended, but turned."""
 
 DEPENDENT = 1e-5
 """Singular value of the rows of contacts at rest, relative to the largest, below which the
@@ -206,11 +200,11 @@ pivots (squares of singular values) are too inaccurate to show whether the rows 
 
 
 def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
-    """Take away what is left of the slip or the rolling of contacts cs, whose energy is of second
-    order. False, and nothing changed, where bodies would move otherwise for it: what creeps is
-    tried again when it has become slower.
+    """Remove the remaining slip or rolling of contacts cs, whose energy is of second order.
 
-    mode: SLIDE or ROLL; arms: A of each body (see mechanics.error_scales), (N, 3, 3) [m].
+    Returns False, without any change, if that would change the motion of the bodies; contacts that
+    creep are tried again when they are slower. mode: SLIDE or ROLL; arms: A of each body
+    (mechanics/error_scales), (N, 3, 3) [m].
     """
     table, y, kept = at.system.contact_table, at.y.copy(), at.system.contact_table.copy()
     before = velocities(at.system, at.y)
@@ -238,52 +232,54 @@ def stop(at: Instant, cs: list[int], mode: int, arms: Array) -> bool:
 
 
 def nearly_depend(at: Instant) -> bool:
-    """True where rows that hold are taken to depend on each other, but do not to the last: forces
-    that keep all of them at rest are none, or without bound."""
-    held = at.workspace.used[: find_held(at.system, at.workspace)]
-    rows = scaled_rows(at.workspace.J[held] @ np.linalg.cholesky(at.inverse_mass))
+    """Whether the active rows are nearly dependent, so that the forces that keep them all at rest
+    are very large."""
+    held = at.workspace.used[: lay_out_held(at.system, at.workspace)[0]]
+    rows = scaled_rows(at.rows[held] @ np.linalg.cholesky(at.inverse_mass))
     _, s, _ = singular_values(rows, "the constraint equations of contacts that come to rest")
     return bool(((s > JUDGED_BY_CONTACT * s[0]) & (s < DEPENDENT * s[0])).any())
 
 
 JAMS_AT_ONCE = 5
-"""Times that what jams may jam again when it has been dealt with."""
+"""Maximum number of jams at one instant."""
 AIMS = 5
-"""Rounds in which what lies flat finds the point that it tips over."""
+"""Maximum number of rounds in which a flat rim gets the contact point that it tips over."""
 STOPS = {SLIP_ENDS: SLIDE, ROLL_ENDS: ROLL}
-"""Events at which a motion has ended, and its mode; spin has one direction, and ends exactly."""
+"""Events at which a motion has ended, and its mode; spinning has one direction, and ends
+exactly."""
 BEGINS_ANEW = {SLIP_ENDS: SLIP_BEGINS, ROLL_ENDS: ROLL_BEGINS}
-"""What they are where nothing has come to rest."""
+"""Events in place of these if the motion has not ended."""
 SHARED = (LIFT_OFF, SLIP_BEGINS, ROLL_BEGINS, SPIN_BEGINS)
-"""Events at which a force reaches its bound; where others can take a share, nothing gives."""
+"""Events at which a force reaches its bound; nothing changes if other contacts can take the
+load."""
 
 
 STALLED_STEPS, STALLED_SPAN = 100_000, 1e-3
-"""So many steps within so short a time (natural units) are no motion any more: a whole unit of it
-would take a hundred million, hours. A box on steel takes fewer for several units; the point of a
-rim that comes to touch all round in a bowl takes them for 1e-4 to 6e-4."""
+"""A run has stalled if it takes this number of steps for this time (natural units). A box on steel
+takes fewer for several units; a rim that comes to touch a bowl all round takes them for 1e-4 to
+6e-4."""
 
 ROUNDING = 1e-13
 """Rounding error of the work of contacts, relative to the energy of the scene."""
 IMPACTS_AT_ONCE = 20
-"""Impacts one by one at an instant, for each contact, that are taken to have no end."""
+"""Maximum number of single impacts at an instant per contact."""
 
 
 class ContactMotion(GridMotion):
-    """As GridMotion, stopped at each event; `events` tells what happened.
+    """As GridMotion, with a stop at each event; `events` lists them.
 
-    Raises SimulationError where the laws of contact have no solution.
+    Raises SimulationError if the contact laws have no solution.
     """
 
     laws: Sequence[ContactLaw]
     event_driven = True
     _lifted: frozenset[int] = frozenset()
-    """contacts that lift off at the event at hand."""
-    _warm = False  # whether what `run_to` calls is compiled
+    """contacts that lift off at the present event."""
+    _warm = False  # whether the functions of `run_to` are compiled
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         self.names: tuple[str, ...] = compiled.layout.contacts
-        """of the points of contact."""
+        """names of the contact points."""
         self.rims = rims_of(compiled.system)
         self._pairs = pairs_of_solids(compiled.system)
         self._laws = ContactLaws(compiled.system)
@@ -297,15 +293,15 @@ class ContactMotion(GridMotion):
 
     @staticmethod
     def _work_of_rounding(compiled: Compiled, method: Any) -> float:
-        """What errors of the contacts' work are relative to at least [J]: a step that asks for less
-        than the rounding of what is exchanged would never be short enough."""
+        """Lower limit of the error scale of the contacts' work [J]: a tolerance below its rounding
+        could not be met by any step."""
         tolerance = getattr(method, "tolerance", 0.0)
         energy = float(compiled.system.mass * compiled.system.speed**2)
         return max(1.0, ROUNDING * energy / tolerance) if tolerance > 0.0 else 1.0
 
     @cached_property
     def _by_laws_alone(self) -> bool:
-        """True where impacts and modes are asked nothing but the laws."""
+        """Whether impacts and modes depend on the laws alone."""
         laws = self.compiled.contact_laws
         special = self.rims or self._pairs or self.compiled.one_by_one
         return not special and not any(law.drags or math.isinf(law.static) for law in laws)
@@ -316,7 +312,7 @@ class ContactMotion(GridMotion):
         self._journal = Journal(self.names, self.laws)
         super().reset(y, time)
         system = self.compiled.system
-        # tables that outlast an evaluation: another motion of the scene has its own
+        # tables with state: another motion of the scene has its own
         own = {
             name: getattr(system, name).copy()
             for name in ("contact_table", "vectors", "rows", "row_table")
@@ -326,7 +322,7 @@ class ContactMotion(GridMotion):
         self._made: tuple[Any, Tasks] | None = None
         self._inputs = np.array([*self._laws.inputs.values(self.system, time), 0.0])
         self._places = np.array(self._laws.inputs.kept(self.system), dtype=int)
-        """of the inputs that laws keep from step to step."""
+        """indices of the inputs that laws carry from step to step."""
         self._due = -1
         self._pause = math.inf
         self._mark = 0, time
@@ -343,31 +339,31 @@ class ContactMotion(GridMotion):
         with as_simulation_error(self._laws_now):
             if y is None and not self._warm:
                 self._begin()
-            else:  # a state that somebody tries, or a start again, maybe a thousand times: compiled
+            else:  # a given state, or a restart, which may happen often: compiled
                 self._happen(None)
 
     @property
     def events(self) -> list[ContactEvent]:
-        """What has happened, the latest last."""
+        """Contact events so far by time; of very many the latest."""
         return self._journal.events
 
     @property
     def forgotten(self) -> int:
-        """Events before these."""
+        """Number of events before those in `events`."""
         return self._journal.forgotten
 
     @property
     def left_open(self) -> LeftOpen:
-        """The widest choice that the laws of contact have left since the start."""
+        """The largest non-uniqueness of the contact laws since the start."""
         widest = widest_of(self._call.workspace, self.names)
         return max(widest, self._lifted_off, widest_kept(self._kept, self.names))
 
     def warm(self) -> None:
-        """As Motion.warm, and what the first event needs."""
+        """As Motion.warm, including the functions for the first event."""
         super().warm()
         self._call(WRITE_ROWS, self.time, self._grid.y)
         self._warm = True
-        importlib.import_module("rb_sim.numerics.cone_program")  # which shares of a load need
+        importlib.import_module("rb_sim.numerics.cone_program")  # for shares of a load
 
     def change_law(self, system: Any) -> None:
         """As Motion.change_law; the modes of the contacts are chosen anew."""
@@ -378,17 +374,17 @@ class ContactMotion(GridMotion):
             self._happen(None)
 
     def _laws_now(self) -> str:
-        """What linear algebra is done for, and when."""
+        """Text for errors of linear algebra."""
         return f"the laws of contact at t = {self.time:.9g} s"
 
     @property
     def _fixed(self) -> bool:
-        """True of a method whose steps have a fixed length."""
+        """Whether the method has fixed steps."""
         return getattr(self.method, "tolerance", 0.0) == 0.0
 
     def _explain(self, status: int) -> str:
-        """As Motion; also the method for a contact point that no step can follow, as on a rim that
-        comes to touch all round, and which slips an implicit method may not follow."""
+        """As Motion; also names time stepping for a contact point that no step follows (a rim that
+        comes to touch all round), and slips at which an implicit method may fail."""
         table, text = self.system.contact_table, super()._explain(status)
         if status == STEP_UNDERFLOW and (table[:, COMPLIANT] == 0.0).any():
             return f"{text}; {TOOL}"
@@ -407,21 +403,21 @@ class ContactMotion(GridMotion):
             self._advance(times, stop, out)
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
-        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        """As Motion; also raises SimulationError if a side sinks into a support."""
         return run_looking(self, self._carry, self.compiled.sides, times, out)
 
     def _carry(self, times: Array, out: Array | None) -> int:
-        """As run_to, without looks at sides on the way; where it cannot go on, one may be why."""
+        """As run_to, with a check of the sides only if it fails."""
         try:
             return super().run_to(times, out)
         except SimulationError:
             if np.isfinite(self._grid.y1).all():
                 last = [self._grid.t1], self._grid.y1[None, :]
-                refuse_sunk(self.compiled.sides, *last, self.system.length)
+                refuse_sunk(self.compiled.sides, *last)
             raise
 
     def _advance(self, times: Array, stop: float, out: Array | None) -> None:
-        """One call of the kernel after the other, an event between each two."""
+        """Call the loop, handle the event that it stops at, and repeat."""
         done = 0
         while done < len(times):
             upto = min(stop, self._pause)
@@ -458,7 +454,8 @@ class ContactMotion(GridMotion):
             self._happen(code)
 
     def _happen(self, code: tuple[int, int] | None) -> None:
-        """Impacts and new modes at the grid's last point; a new grid begins there."""
+        """Handle the event `code`, or choose the first modes (None): impacts, new modes, new
+        grid."""
         self._lifted = frozenset()
         t = self._grid.t1 if code is not None else self.time
         y = np.array(self._grid.y1 if code is not None else self._grid.y)
@@ -492,7 +489,7 @@ class ContactMotion(GridMotion):
         self._go_on(instant, code)
 
     def _begin(self) -> None:
-        """The first modes; interpreted, so that making a Motion compiles nothing."""
+        """Choose the first modes, interpreted, so that a new Motion compiles nothing."""
         call, plain = self._call, Tasks(self.system, None, self._call.workspace)
         self._made = self.system, plain
         try:
@@ -501,7 +498,7 @@ class ContactMotion(GridMotion):
             self._made = self.system, call
 
     def _leap(self, c: int) -> None:
-        """Leap from the grid's last point, and go on there."""
+        """Leap from the last grid point, and continue from there."""
         self._lifted = frozenset()
         t, y = self._grid.t1, np.array(self._grid.y1)
         instant = self._instant(t, y)
@@ -513,7 +510,7 @@ class ContactMotion(GridMotion):
         self._go_on(instant, None)
 
     def _go_on(self, instant: Instant, code: tuple[int, int] | None) -> None:
-        """Choose the modes that follow and begin a new grid."""
+        """Choose the next modes and begin a new grid."""
         refuse_edges(instant, self._pairs, self.names)
         ambiguous = self._unjammed(instant, code)
         for _ in range(AIMS):
@@ -529,7 +526,7 @@ class ContactMotion(GridMotion):
             refuse_to_be_dragged_off(self.system, law, instant.t, code[0], self.names)
 
     def _leave(self, instant: Instant) -> None:
-        """Tell what has changed; a new grid, in whose first step flights can be seen to end."""
+        """Report the changes; begin a new grid, whose first step shows the end of flights."""
         dragged = self._call(LEAVE, instant.t, instant.y, (int(self._fixed), 0, 0))
         if dragged:
             self._journal.take(instant.workspace)
@@ -537,7 +534,8 @@ class ContactMotion(GridMotion):
         self._begin_flights(instant.t, instant.y)
 
     def _begin_flights(self, t: float, y: Array) -> None:
-        """A new grid from (t, y), in whose first step the flights can be seen to end."""
+        """Begin a new grid from (t, y), whose first step is short enough to show the end of
+        flights."""
         call = self._call
         self._journal.take(call.workspace)
         length = call.found
@@ -546,8 +544,8 @@ class ContactMotion(GridMotion):
         self._continue_from(t, y, h)
 
     def _unjammed(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
-        """Choose the modes that follow, once what jams or may not slip has been stopped or leapt
-        over; returns what may as well have stayed."""
+        """Choose the next modes, after impacts or leaps that stop jams and slips of perfectly rough
+        contacts; returns contacts that could as well have stayed closed."""
         ambiguous = self._found_modes(instant, code)
         for c in slipping_rough(instant):
             self._stop_at_once(instant)
@@ -558,7 +556,7 @@ class ContactMotion(GridMotion):
         return ambiguous
 
     def _found_modes(self, instant: Instant, code: tuple[int, int] | None) -> tuple[int, ...]:
-        """As `_unjammed`, of what jams alone."""
+        """As `_unjammed`, for jams alone."""
         for _ in range(JAMS_AT_ONCE):
             try:
                 return choose_modes(instant, code, self._lifted)
@@ -569,7 +567,7 @@ class ContactMotion(GridMotion):
         return choose_modes(instant, None)
 
     def _stopped(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
-        """The event that a slip or a rolling ends, once it has; or that it begins anew."""
+        """The event `code`, the end of a slip or rolling; its start if the motion has not ended."""
         arms = self._arms.reshape(-1, 3, 3)
         creep = self.system.contact_table[:, CREEPS]
         ends = np.flatnonzero(creep).tolist() if creep[code[0]] > 0.0 else [code[0]]
@@ -578,8 +576,8 @@ class ContactMotion(GridMotion):
         return code[0], BEGINS_ANEW[code[1]]
 
     def _as_lift_off(self, instant: Instant, code: tuple[int, int]) -> tuple[int, int]:
-        """The event, which may be the end of several normal forces; where friction reaches its
-        bound as the normal force vanishes, the end of the latter."""
+        """The event `code`, or the lift-off if friction reaches its bound because the normal force
+        vanishes; it also finds other contacts that lift off."""
         self._call(ACCELERATE, instant.t, instant.y)
         lifted = lifting(self.system, self._grid.t0, instant.t)
         normal_force = np.abs(self.system.contact_table[:, NORMAL_FORCE])
@@ -594,7 +592,7 @@ class ContactMotion(GridMotion):
         return Instant(self.laws, self._call, t, y, ARRIVE)
 
     def _strike(self, instant: Instant) -> None:
-        """Impacts until nothing approaches; an endless series of bounces is closed."""
+        """Impacts until no contact approaches; endless bounces are closed."""
         single = IMPACTS_AT_ONCE * len(self.laws) if self.compiled.one_by_one else 0
         n, last, status = 0, single + AT_ONCE, GOES_ON
         while status != NOTHING:
@@ -606,7 +604,7 @@ class ContactMotion(GridMotion):
             self._refuse_impacts(instant, status, n >= last)
 
     def _refuse_impacts(self, instant: Instant, status: int, over: bool) -> None:
-        """Raise SimulationError where impacts have no impulses, or no end."""
+        """Raise SimulationError if impacts have no solution or no end."""
         if status == OVERFLOWN:
             raise not_finite(OF)
         if status == NO_IMPULSES:
@@ -615,7 +613,7 @@ class ContactMotion(GridMotion):
             )
         if status == ENDLESS and over:
             text = f"endless impacts at t = {instant.t:.9g} s"
-            if self._fixed:  # bodies may be where only a step too long can have taken them
+            if self._fixed:  # a step that is too long may have caused this state
                 raise StepTooLargeError(f"{text}: step {self.method.step:g} s is too large here")
             raise SimulationError(text)
 
@@ -627,7 +625,7 @@ class ContactMotion(GridMotion):
         self._refuse_impacts(instant, status, False)
 
     def _jam(self, instant: Instant, c: int | None) -> None:
-        """Painleve: the slip of contact c (or of whichever jams) stops at once, in an impact."""
+        """Painleve: stop the slip of contact c (None: of the first one that jams) by an impact."""
         for i in range(len(self.laws)) if c is None else (c,):
             table = self.system.contact_table
             if table[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
@@ -642,7 +640,7 @@ class ContactMotion(GridMotion):
         if c is None and rough:
             refuse_rough(instant, rough[0], self.names)
         hardly = c is not None and instant.slip_speed(c) <= self.system.velocity_tolerance
-        # compliant contacts that stick may find no forces either, and touch nothing rigidly
+        # sticking compliant contacts may have no forces either
         near = (
             instant.touching()
             or np.flatnonzero(self.system.contact_table[:, CLOSED] == 1.0).tolist()
@@ -662,10 +660,11 @@ class ContactMotion(GridMotion):
         )
 
     def _leapt_over(self, instant: Instant, c: int) -> bool:
-        """Move the instant on by a time too short to matter, over which impulses answer the loads;
-        longer if it has just been done.  False if the laws have no impulses either."""
-        t, length = instant.t, self._chatter.length_of_leap(instant.t)
-        if leap(instant, length) is None:
+        """Leap by a negligible time, longer if one has just been made; returns False if the laws
+        have no impulses either."""
+        t = instant.t
+        length = leap(instant, self._chatter.length_of_leap(t))
+        if length is None:
             return False
         bring_back(instant)
         self._journal.note(t, c, LEAPS)
@@ -673,8 +672,8 @@ class ContactMotion(GridMotion):
         return True
 
     def _refuse_to_stall(self) -> None:
-        """Raise SimulationError where time hardly goes on, as where friction turns slips to and fro
-        that are slower than steps can follow."""
+        """Raise SimulationError if the run has stalled (STALLED_STEPS), e.g. by slips too slow to
+        be followed."""
         (before, since), steps, t = self._mark, self.steps, self._grid.t1
         if steps - before < STALLED_STEPS:
             return
@@ -688,7 +687,7 @@ class ContactMotion(GridMotion):
 
     @property
     def _stepping(self) -> Stepping:
-        """The method, as the loop takes it; made anew where `method` is another one."""
+        """The method for the loop; made again if `method` has changed."""
         if self._taken is None or self._taken[0] is not self.method:
             table = self.system.contact_table
             compliant_friction = bool(
@@ -699,14 +698,14 @@ class ContactMotion(GridMotion):
         return self._taken[1]
 
     def _take_inputs(self, onwards: bool = True) -> None:
-        """Commands and tables from now on, or at this instant alone."""
+        """Update the inputs of the laws, from now on or at this instant alone."""
         kept = self.kept
         self._inputs[:-1] = self._laws.inputs.values(self.system, self.time, onwards)
         self.kept = kept
 
     @property
     def kept(self) -> Array:
-        """As Motion.kept: those inputs of the laws that are kept from step to step."""
+        """As Motion.kept: inputs of the laws that are carried from step to step."""
         return self._inputs[self._places]
 
     @kept.setter
@@ -718,7 +717,7 @@ class ContactMotion(GridMotion):
         self._take_inputs()
 
     def _held(self) -> Any:
-        """The system, as the loop takes it."""
+        """The packed system for the loop."""
         if self._packed is None or self._packed[0] is not self.system:
             if interpreted():
                 return self.system
@@ -727,7 +726,7 @@ class ContactMotion(GridMotion):
 
     @property
     def _call(self) -> Tasks:
-        """What is done between the calls of the loop, compiled."""
+        """The compiled tasks."""
         if self._made is None or self._made[0] is not self.system:
             workspace = None if self._made is None else self._made[1].workspace
             self._made = self.system, Tasks(self.system, self._held(), workspace)

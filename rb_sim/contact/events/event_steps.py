@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""One call of the loop for bodies in contact: it stops at the instant of an event."""
+"""The stepping loop of bodies in contact, which stops at each event."""
 
 from __future__ import annotations
 
@@ -93,29 +93,26 @@ from rb_sim.numerics.kernels import by_address, entry, part, pointer
 from rb_sim.numerics.vectors import norm
 from rb_sim.scene.compiled import Compiled
 
-# Methods as the loop of bodies in contact takes them: implicit steps, longest steps.
-
-
-# df/dy of bodies in contact, by differences, for implicit steps where friction is stiff.
+# The Jacobian df/dy of bodies in contact, by finite differences, for implicit steps of slow slips.
 #
-# A slow slip s is turned by friction at a rate that changes with s over |s| itself: differences are
-# small parts of the slowest slip.
+# The rate at which friction turns a slow slip varies on the scale of |s|, so increments are small
+# fractions of the slowest slip.
 
 
 OF_SLIP = 1e-4
-"""Difference of velocities, over the slowest slip: what is left out is as much of the entry."""
+"""Increment of velocities relative to the slowest slip, which is also the relative error."""
 OF_PLACES = 1e-3
-"""Difference of places, in lengths of the scene, over the slowest slip, in its speeds: a support
-that turns makes a slip of it."""
+"""Increment of positions, in lengths of the scene, relative to the slowest slip in its speeds: on a
+rotating support a displacement causes a slip."""
 MOST = 1e-8
 """Largest increment of finite differences, in lengths of the scene for positions, absolute for
 quaternions: a larger one is affected by curvature, one below COMPUTED_ROUNDING by rounding."""
 FASTEST = 1e-3
-"""Slip, in speeds of the scene, beyond which differences do not grow with it."""
+"""Largest slip, in speeds of the scene, that increments are relative to."""
 
 
 def slowest_slip(system):
-    """The least speed of a slip whose friction has a corner, over the scene's."""
+    """Slowest slip with Coulomb friction, relative to the scene's speed."""
     table, least = system.contact_table, FASTEST * system.speed
     for c in range(table.shape[0]):
         if slides_with_friction(table, c):
@@ -124,7 +121,7 @@ def slowest_slip(system):
 
 
 def difference(system, k, slip):
-    """Of the k-th coordinate of a body; slip: the slowest."""
+    """Increment of coordinate k of a body; slip: the slowest one."""
     if k >= 7:
         speed = OF_SLIP * slip * system.speed
         return speed if k < 10 else speed / system.length
@@ -134,8 +131,8 @@ def difference(system, k, slip):
 
 @by_address
 def jacobian_by_differences(t, y, p, out):
-    """df_i/dy_j into out[n i + j], n numbers of y; of the contacts' work, the last, nothing
-    depends."""
+    """Write df_i/dy_j to out[n i + j], n = len(y); nothing depends on the last coordinate, the work
+    of the contacts."""
     system = held(p)
     n = WIDTH * system.bodies.shape[0] + 1
     f, g, at = np.empty(n), np.empty(n), np.empty(n)
@@ -157,23 +154,23 @@ def jacobian_by_differences(t, y, p, out):
             out[n * i + j] = (f[i] - g[i]) / width
 
 
-# How long an adaptive step may be where a support or a force comes and goes with time alone.
+# The longest step with periodic supports or forces.
 #
-# The equations of bodies in flight know nothing of a support that they do not touch, and those of
-# bodies at rest nothing of a force that friction holds: a step may be as long as the flight or the
-# rest, while the support or the force comes and goes many times.
+# The motion of bodies in flight does not depend on a support that they do not touch, nor the rest
+# of bodies on a force that friction balances. A step could be as long as the flight or the rest,
+# while the support or the force oscillates many times.
 
 
 SHARE_OF_PERIOD = 0.125
-"""Of a period, within which a gap, or the distance of a force to its bound, has one minimum at
-most."""
+"""Longest step relative to a period: within it a gap, or the distance of a force from its bound,
+has at most one minimum."""
 PHASES = (0.13, 0.31, 0.57, 0.83)
-"""Of a turn, at which a turning surface must lie where it was, to count as at rest."""
+"""Fractions of a turn at which a rotating surface is compared with its initial place."""
 
 
 def paced(compiled: Compiled, method: Any) -> Any:
-    """The method with steps no longer than a share of the shortest period of the scene; with fixed
-    steps that is asked of supports alone, whose gaps are looked at within a step."""
+    """The method with steps no longer than SHARE_OF_PERIOD of the shortest period; fixed steps
+    depend on periodic supports only."""
     period = period_of_supports(compiled)
     largest = getattr(method, "largest_step", None)
     if largest is None:
@@ -184,7 +181,7 @@ def paced(compiled: Compiled, method: Any) -> Any:
 
 
 def period_of_forces(compiled: Compiled) -> float:
-    """The shortest of all harmonic forces; inf if there is none [s]."""
+    """Shortest period of all harmonic forces; inf if there is none [s]."""
     shortest = math.inf
     for effect in compiled.system.effects:
         if isinstance(effect.row, WorldHarmonicRow | BodyHarmonicRow):
@@ -194,7 +191,7 @@ def period_of_forces(compiled: Compiled) -> float:
 
 
 def period_of_supports(compiled: Compiled) -> float:
-    """The shortest of all supports whose surface moves as prescribed; inf if there is none [s]."""
+    """Shortest period of all driven supports; inf if there is none [s]."""
     shortest = math.inf
     for group in compiled.system.contacts:
         for contact in group:
@@ -207,7 +204,7 @@ def period_of_supports(compiled: Compiled) -> float:
 
 
 def wobbles(compiled: Compiled, contact: Any) -> bool:
-    """True if the turning support's surface does not turn into itself."""
+    """Whether the surface of a rotating support is not symmetric about its axis of rotation."""
     motion = contact.row.carrier
     rate = float(np.linalg.norm(motion.spin))
     if rate == 0.0:
@@ -220,26 +217,24 @@ def wobbles(compiled: Compiled, contact: Any) -> bool:
     return max(gaps) - min(gaps) > 1e-9 * compiled.system.length
 
 
-# Methods as the loop of bodies in contact takes them, and the slips that they follow.
-
-
 NOISE = 30.0
-"""Slip in tolerances of an adaptive method whose direction is lost in its errors: explicit methods
-turn it about where steps that keep the tolerance are too long for its stiffness."""
+"""Slip, in tolerances of an adaptive method, below which errors hide its direction: explicit steps
+that keep the tolerance are then too long for its stiffness."""
 CREEP = 1e-9
 """Slip, relative to the speed of the scene, below which compliant contacts creep in steps of an
 adaptive method; above it, implicit steps follow the slip."""
 
 
 def slow_slips(system: Any, method: Any) -> dict[str, float]:
-    """The slips [m/s] that are lost in errors, and that creep."""
+    """Fields of ContactBodies: slips below which errors hide the direction, and below which
+    compliant contacts creep [m/s]."""
     tolerance = getattr(method, "tolerance", 0.0)
     creep = CREEP * system.speed if tolerance > 0.0 else 0.0
     return {"velocity_tolerance": max(system.velocity_tolerance, NOISE * tolerance), "creep": creep}
 
 
 def stepping_of(compiled: Compiled, method: Any, compliant_friction: bool) -> Stepping:
-    """rubs: whether slips may be slow and stiff."""
+    """The method for the loop. compliant_friction: whether slow slips may be stiff."""
     step, setting = settings_of(paced(compiled, method))
     implicit: tuple[Any, Any] = 0, 0
     if compliant_friction and getattr(method, "tolerance", 0.0) > 0.0:
@@ -248,16 +243,12 @@ def stepping_of(compiled: Compiled, method: Any, compliant_friction: bool) -> St
     return Stepping(step.reference, rate_of_change.address, setting, *implicit)
 
 
-# The call.
-
-
-# Which rows of joints in loops get a multiplier in the next step, as
-# `mechanics.systems.elimination` has it for scenes without contacts; and the rank of all rows in
-# it.
+# Rows of joints in closed chains that get a multiplier in the next step (as in
+# mechanics/systems/elimination for scenes without contacts), and the rank of all rows in it.
 
 
 def find_changing(system):
-    """Number the rows that are chosen anew as those that hold; (how many, how many are chosen)."""
+    """Write the rows to be chosen into ACTIVE; returns (their number, the number to be chosen)."""
     count, rank = 0, 0
     for k in range(first_row_of(system, 0)):
         flags = system.row_table[k, DEPENDENT]
@@ -270,7 +261,7 @@ def find_changing(system):
 
 
 def choose_rows(system, t, y):
-    """Choose anew at (t, y), a state on the manifold, where a step begins."""
+    """Choose the rows of closed chains at (t, y), on the manifold, at the start of a step."""
     count, rank = find_changing(system)
     if count == 0:
         return
@@ -291,18 +282,17 @@ def choose_rows(system, t, y):
 
 
 def free_rank(system):
-    """Let each state have the rank that it is found to have."""
+    """Remove the limit of the rank."""
     system.row_table[0, MOST_RANK] = system.row_table.shape[0]
 
 
 def choose_rank(system, t, y):
-    """Choose the rank that all stages of the next step have at most: that at (t, y), a state on the
-    manifold, where it lasts.
+    """Limit the rank at the stages of the next step to that at (t, y), a state on the manifold.
 
-    More contacts than are needed to hold a body, as four wheels do, have rows that depend on each
-    other on the manifold alone: at the stages they contradict each other, by little, and each would
-    push with a force that is the larger the less that is.  A rank that is less at one instant only,
-    as of a mechanism that passes a singular position, is none to keep: it is more a moment later.
+    If a body has more contacts than needed, such as four wheels, their rows are dependent on the
+    manifold only. At the stages they contradict each other slightly, and solving them all would
+    give very large forces. A rank that is lower at one instant only, as in a singular
+    configuration, is not used as a limit.
     """
     free_rank(system)
     if system.row_table[0, REDUNDANT] == 0:
@@ -323,27 +313,22 @@ def choose_rank(system, t, y):
             system.contact_table[c, j] = kept[c, j]
 
 
-# As `integrate.loop`, for bodies in contact: it stops at the instant of an event.
-#
-# Between events the equations are smooth, so every method keeps its order.  After each step the
-# event functions (gap, normal force, distance to the friction bound, slip along its direction) are
-# read; if one has become negative, the first zero in the step is found by further steps of the
-# method from the same grid point, as samples are, to the last digits of the time.
+# The loop: as `integrate.loop`, but it stops at each event (see events/search). Between events the
+# equations are smooth, so every method keeps its order.
 
 
 EVENT = 4
 """Status: a contact changes its mode at t1."""
 JAM_PART, JAM_PASS = 0.5, 1.5
-"""Parts of the time in which an effective pivot would vanish that one step may take, and that
-the last one takes: beyond, the force would pass through infinity unseen."""
+"""Step relative to the time in which a pivot would vanish at its present rate: the longest one, and
+the last one. A longer step would not notice that the force becomes infinite."""
 
 RETRIES = 20
-"""Steps tried, each shorter by GRADE, where one has no solution."""
+"""Maximum number of shorter steps, each by the factor 1 / GRADE, if a step has no solution."""
 
 
 def before_jam(system, grid):
-    """Where the step has to end, at the latest, not to jump over the instant at which a slipping
-    contact jams."""
+    """Latest end of the step before the instant at which a slipping contact jams."""
     table, last = system.contact_table, grid.t1
     for c in range(table.shape[0]):
         level, rate = (
@@ -357,11 +342,10 @@ def before_jam(system, grid):
 
 
 def jam_that_is_due(system):
-    """Code of the event that a slipping contact jams, where its pivot vanishes faster than the
-    clock can tell; or -1.
+    """Code of the jam of a slipping contact whose pivot is below NEAR_JAM; or -1.
 
-    Its force turns the slip, so that the pivot vanishes as the root of the time left: no step that
-    changes t may bring it down to JAMMED.
+    The force turns the slip, so that the pivot vanishes as the square root of the remaining time:
+    there may be no double t at which it is JAMMED.
     """
     table = system.contact_table
     for c in range(table.shape[0]):
@@ -370,8 +354,8 @@ def jam_that_is_due(system):
     return -1
 
 
-def bears(system):
-    """Whether a contact is closed: else a step without a solution is too long for the loads."""
+def any_closed(system):
+    """Whether any contact is closed."""
     for c in range(system.contact_table.shape[0]):
         if system.contact_table[c, CLOSED] == 1.0:
             return True
@@ -379,10 +363,10 @@ def bears(system):
 
 
 def shorter_step(method, system, grid, work):
-    """(status, event code, grid): the step that failed from t0, as long as it can be.
+    """(status, event code, grid) with the longest step from t0 that succeeds, after one has failed.
 
-    An implicit method has no solution across the end of a slip; it comes as near as it likes, and
-    what is left is the event.
+    An implicit method has no solution across the end of a slip. Shorter steps approach it, and the
+    end is an event.
     """
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     contact_accelerations(system, grid.t0, grid.y0)
@@ -402,7 +386,7 @@ def shorter_step(method, system, grid, work):
 
 
 def system_of(packed):
-    """The system that is packed; interpreted, it comes as it is."""
+    """The packed system; interpreted, its argument."""
     return packed
 
 
@@ -413,23 +397,22 @@ def _system_of(f, packed):
 
 @entry
 def record_contacts(method, packed, grid, times, stop, sampling, out, work, code, kept, arms):
-    """Integrate to each of `times` and sample there if `sampling`, up to the next event.
+    """Integrate to each of `times`, and sample there if `sampling`, up to the next event.
 
-    packed: the system as its layout has it. code: the event at t1 that is due, or -1.
-    kept, arms: as `next_event` takes them.
-    Returns (grid, status, number of times reached, code of the event that is due or -1).
+    packed: the system in its layout. code: event that is due at t1, or -1. kept, arms: as for
+    `next_event`. Returns (grid, status, number of times reached, code of the event due or -1).
     """
     system = system_of(packed)
     status = FINE
     reached = 0
-    if grid.t0 < grid.t1:  # samples of the step taken last are steps of the same law
+    if grid.t0 < grid.t1:  # samples in the last step use its rank
         system.row_table[0, MOST_RANK] = system.row_table[0, STEP_RANK]
-    # a step costs as much as there are contacts, and a signal waits for the end of the piece
+    # with many contacts a step takes long, and signals are handled at the end of the piece
     last_step = grid.steps + max(1, PIECE_STEPS // system.contact_table.shape[0])
     for i in range(times.shape[0]):
         t = times[i]
         while grid.t1 < t - ULPS * abs(t) or (code >= 0 and grid.t1 <= t + ULPS * abs(t)):
-            if code >= 0:  # before a sample at the same instant, which shows what comes after
+            if code >= 0:  # a sample at the same instant is after the event
                 status = EVENT
                 break
             if grid.steps >= last_step:
@@ -453,7 +436,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 branch(method, system, grid, last, work, y, c)
                 status = FINE if finite(y) else NOT_FINITE
                 grid = cut_grid(grid, last, y, c, grid.h)
-            if status == NOT_FINITE and bears(system):
+            if status == NOT_FINITE and any_closed(system):
                 status, code, grid = shorter_step(method, system, grid, work)
             if status != FINE:
                 break

@@ -60,47 +60,46 @@ from rb_sim.mechanics.systems.many_bodies import BODY, INVERSE, MASS, PARENT, st
 from rb_sim.numerics.kernels import call_step, part, pointer
 from rb_sim.numerics.vectors import dot, norm, sub
 
-# Where steps come near the end, or the beginning, of a slip or of a rolling.
+# Fixed steps near the end or the start of a slip or rolling.
 #
-# As |s| falls, friction turns the slip sideways ever faster: its rate is some a / |s|, with a what
-# friction itself gives the slip [m/s^2].  A step of fixed length that goes on across the end, or is
-# too long for that rate, turns it aside at its stages; it misses zero by some a h, and so does each
-# step after it.  Steps towards that instant take a part of the time that is left, each; an adaptive
-# method sees by its error that they have to.  Where a slip begins, or stays slow, a step that has
-# turned it is made again, as long as that rate allows.
+# As the slip speed |s| falls, friction turns the slip faster and faster, at about the rate a / |s|,
+# with a the acceleration of the slip by friction [m/s^2]. A fixed step that passes the end, or is
+# too long for that rate, turns the slip at its stages, misses zero by about a h, and so does every
+# later step. Steps towards the end therefore take only part of the remaining time. (Adaptive
+# methods are limited by their error estimate.) While a slip starts, or stays slow, a step that has
+# turned it is repeated with the length that the rate allows.
 
 
 STOP_PART, LEAST_PART, LEAST_TURNED = 0.75, 0.04, 0.001
-"""Parts of the time in which a slip would vanish at its present rate that one step may take: if
-nothing turns it aside, however fast friction may do so, and however fast it does."""
+"""Step relative to the time in which a slip would end at its present rate. STOP_PART: largest, of a
+straight slip; LEAST_PART, LEAST_TURNED: smallest, of a straight slip and of one that turns."""
 LAST_STEP, ENDED = 1e-10, 1e-13
 """Remaining times of a slip (natural units): at LAST_STEP one more step ends it, at ENDED it has
 ended."""
 FAINT = 10.0 * NUDGE * SHARP
-"""Rate at which a slip or a rolling falls that may be the error of its nudge: one that has just
-begun does not slow down for it."""
+"""Rate of slowing down that may be only the error of a numerical derivative."""
 TURNS = 1.5
-"""Of |s| / a, what a step may take: an explicit method of order 4 is stable up to 2.8."""
+"""Longest step relative to |s| / a: an explicit method of order 4 is stable up to 2.8."""
 CALM = 5.0
-"""The same of an adaptive method of order 8, stable up to 6, where a is taken for one to four times
-what it is.  At the bound of stability errors turn a slip e of theirs to and fro by e / |s|, which
-holds up what ends it by half of a (e / |s|)^2."""
+"""The same for an adaptive method of order 8, which is stable up to 6; a is overestimated by a
+factor of one to four. Near the bound of stability an error e of the slip turns it by e / |s|, which
+delays its end by about a (e / |s|)^2 / 2."""
 FAST = 30.0
-"""Times the slip whose direction is lost in errors, beyond which they turn it by too little."""
+"""Slip relative to `velocity_tolerance` above which errors turn it too little to delay its end."""
 SLOWEST = 1e4
-"""Times that what ends a slip may be less than a; where it is less, too many such steps do."""
+"""Largest ratio of a to the rate at which a slip slows down for which steps are limited by CALM;
+above it there would be too many steps."""
 SLOW = 1e-3
-"""Part of a h below which a slip that does not slow down allows no shorter steps."""
+"""Smallest slip, relative to a h, for which steps are shortened if it does not slow down."""
 ASIDE = 1e-2
-"""Sine of the angle up to which errors turn a slip that ends by too little to hold up its end."""
+"""Sine of the angle by which a slip must turn in a step to delay its end."""
 STRAIGHT = 1e-6
-"""Sine of the angle by which a slip may turn in a step and still count as straight, so that its
-direction is known."""
+"""Sine of the angle up to which a slip that turns in a step counts as straight."""
 
 
 def time_to_stop(table, c, i, mode):
-    """Time after which the slip or the rolling of contact c, event function i, would vanish at its
-    present rate; FREE if it does not slow down."""
+    """Time in which the slip or rolling of contact c (event function i) would end at its present
+    rate; FREE if it does not slow down."""
     level, rate = table[c, EVENT_FUNCTIONS_BEFORE + i], table[c, EVENT_RATES_BEFORE + i]
     slides = table[c, CLOSED] == 1.0 and table[c, mode] == SLIDING
     slows = slides and level < FREE and rate < -FAINT
@@ -108,8 +107,8 @@ def time_to_stop(table, c, i, mode):
 
 
 def lightness(system, y, b, p):
-    """(acceleration that a force of 1 N at p gives p at most, angular acceleration that a torque of
-    1 N m gives at most) of body b; 0 of the world."""
+    """(largest acceleration of the point p of body b per force at p [1/kg], largest angular
+    acceleration per torque [1/(kg m^2)]); 0 for the world."""
     if b < 0:
         return 0.0, 0.0
     turns = vec(system.bodies, b, INVERSE)
@@ -118,7 +117,7 @@ def lightness(system, y, b, p):
 
 
 def own_rate(system, y, c, i):
-    """a, what friction itself gives the slip or the rolling of contact c, in the units of its event
+    """The rate a at which friction changes the slip or rolling of contact c, in units of its event
     function i [1/s]."""
     table, k = system.contact_table, first_row_of(system, c)
     p = vec(table, c, POINT)
@@ -131,7 +130,7 @@ def own_rate(system, y, c, i):
 
 
 def was_turned(system, c, i, sine):
-    """True if the last step has turned the slip or the rolling of contact c by more than that."""
+    """Whether the last step has turned the slip or rolling of contact c by more than this angle."""
     table = system.contact_table
     if i == AT_SLIP:
         now, before = vec(table, c, SLIP), vec(table, c, SLIP_DIRECTION)
@@ -157,14 +156,14 @@ def longest_step(system, y, c, i, mode, h):
 
 
 def is_followed(method):
-    """True for steps of fixed length of an explicit method.  An implicit one is stable, but may
-    have no solution across the end: where it fails, `steps.shorter_step` comes near it."""
+    """Whether the method is explicit with fixed steps. An implicit one is stable, but may have no
+    solution across the end of a slip; then `event_steps.shorter_step` comes near it."""
     return method.setting[1] == 0.0 and method.setting[4] == 0.0
 
 
 def before_noise(method, system, grid, implicit):
-    """Where the last step of an adaptive method has to end, at the latest, lest errors keep alive a
-    slip that ends and is hardly faster than they are: one that has turned it is made again."""
+    """Latest end of the last step of an adaptive method, so that errors do not delay the end of a
+    slip that is little faster than they are."""
     last = grid.t1
     if method.setting[4] != 0.0 or implicit:
         return last
@@ -187,9 +186,9 @@ def before_noise(method, system, grid, implicit):
 
 
 def before_stop(method, system, grid, implicit):
-    """Where the last step has to end, at the latest, for what slips or rolls slowly.
+    """Latest end of the last step, for slow slips and rolling.
 
-    implicit: it was an implicit one of a method that is explicit elsewhere."""
+    implicit: whether it was an implicit step of an otherwise explicit method."""
     last, h = grid.t1, method.setting[0]
     if method.setting[1] != 0.0:
         return before_noise(method, system, grid, implicit)
@@ -203,8 +202,8 @@ def before_stop(method, system, grid, implicit):
 
 
 def stop_that_is_due(method, system, t):
-    """Code of the event that a slip or a rolling ends, to which steps of fixed length have come at
-    t; or -1.  After `look_ahead`.  What is left may be less than the clock resolves."""
+    """Code of the end of a slip or rolling that fixed steps have reached at t; or -1. Call after
+    `look_ahead`. The remaining time may be less than the resolution of t."""
     if not is_followed(method):
         return -1
     soon = max(ENDED * system.length / system.speed, ULPS * abs(t))
@@ -216,27 +215,26 @@ def stop_that_is_due(method, system, t):
     return -1
 
 
-# Slow slips that go on: friction turns them faster than explicit steps follow.
+# Slow slips that last: friction turns them too fast for explicit steps.
 #
-# Near the end of a slip s the rate at which friction turns it, a / |s|, grows, but the slip is over
-# after some |s| / a as well.  A slip that stays slow, as of corners of what rocks on a support that
-# gives way, makes the equations stiff: there an adaptive explicit method hands its steps over to an
-# implicit one, Radau IIA of order 5, with its own error estimate and the same tolerance.
+# Near the end of a slip the rate a / |s| at which friction turns it grows, but the slip ends after
+# about |s| / a. A slip that stays slow, such as that of the corners of a body that rocks on a
+# compliant support, makes the equations stiff. Adaptive explicit methods then use implicit steps,
+# Radau IIA of order 5, with its own error estimate and the same tolerance.
 
 
 LASTS = 20.0
-"""Times |s| / a after which a slip would end at its present rate: one that ends before costs an
-explicit method few steps."""
+"""A slip lasts if it would end after this multiple of |s| / a at its present rate."""
 LONG = 2.0
-"""Times |s| / a that a step may take before it is an implicit one; an explicit method of order 8 is
-stable up to 6, and a is taken for one to four times what it is."""
+"""Longest explicit step relative to |s| / a: an explicit method of order 8 is stable up to 6, and a
+is overestimated by a factor of one to four."""
 IMPLICIT_ORDER = 4.0
-"""Of the error estimate of the implicit step."""
+"""Order of the error estimate of the implicit step."""
 
 
 def note_stiffness(system, y):
-    """The rates at which friction turns slips that go on, where a step starts: on what gives way; a
-    slip on a rigid support that is as slow goes on as before."""
+    """Set STIFF, the rate at which friction turns a lasting slip, at the start of a step; only on
+    compliant supports, since slow slips on rigid ones keep their direction."""
     table = system.contact_table
     for c in range(table.shape[0]):
         table[c, STIFF] = 0.0
@@ -253,7 +251,7 @@ def note_stiffness(system, y):
 
 
 def shortened(system, tried):
-    """(whether a step of this length is an implicit one, its length); it ends before slips do."""
+    """(whether a step of this length is implicit, its length); it ends before slips do."""
     table, rate, soon = system.contact_table, 0.0, FREE
     for c in range(table.shape[0]):
         rate = max(rate, table[c, STIFF])
@@ -264,12 +262,11 @@ def shortened(system, tried):
 
 
 PARTS = 64
-"""Most steps in which a state inside a step is looked for that one step does not find."""
+"""Maximum number of equal steps for a state inside a step, if one step finds none."""
 
 
 class Stepping(NamedTuple):
-    """A method as the loop sees it; `setting` is that of `integrate.loop`, and last 1 for an
-    implicit method."""
+    """A method for the loop; `setting`: as in `integrate.loop`, then 1 for an implicit method."""
 
     step: Any
     """address of its step, or the function."""
@@ -277,20 +274,20 @@ class Stepping(NamedTuple):
     """address of the rate of bodies in contact, or the function."""
     setting: tuple[float, float, float, float, float]
     implicit: Any
-    """address of the step that is taken where slow slips are stiff, or the function; 0 for none."""
+    """address of the step for stiff slow slips, or the function; 0: none."""
     jacobian: Any
     """address of the rate's Jacobian, or the function."""
 
 
 def copy(to, of):
-    """The numbers of `of`, in `to`."""
+    """Copy `of` to `to`; returns `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
     return to
 
 
 def finite(y):
-    """True if no coordinate is NaN or infinite."""
+    """Whether no coordinate is NaN or infinite."""
     total = 0.0
     for i in range(y.shape[0]):
         total += y[i]
@@ -298,13 +295,13 @@ def finite(y):
 
 
 def is_implicit(work):
-    """True if the step at hand is an implicit one for stiff slips: its last row says so."""
+    """Whether the present step is an implicit one for stiff slips, by the last row of `work`."""
     return work[work.shape[0] - 1, 0] == 1.0
 
 
 def choose_step(method, system, t0, t, h, work):
-    """(length, end) of a step from t0 to t, of length h: an implicit one where slow slips are
-    stiff, which ends before a slip does."""
+    """(length, end) of a step from t0 to t of length h: an implicit one, which may be shorter, if
+    slow slips are stiff."""
     due, tried = False, h
     if method.implicit:
         due, tried = shortened(system, h)
@@ -313,7 +310,7 @@ def choose_step(method, system, t0, t, h, work):
 
 
 def length_of_next(method, h, error, work):
-    """The step to try after one of length h with this error; 0 for steps of fixed length."""
+    """The step to try after one of length h with this error; 0 for fixed steps."""
     s = method.setting
     if s[1] == 0.0:
         return 0.0
@@ -322,8 +319,8 @@ def length_of_next(method, h, error, work):
 
 
 def increment(method, system, t, y, h, work):
-    """dy over one step of length h from (t, y) into its row of `work`; returns the error
-    estimate, relative to the tolerance 1."""
+    """Write dy over a step of length h from (t, y) into its row of `work`; returns the error
+    estimate for the tolerance 1."""
     n, workspace = y.shape[0], pointer(work)
     if is_implicit(work):
         return call_step(
@@ -355,7 +352,7 @@ def attempt(method, system, t, y, h, work):
 
 
 def first_length(method, system, t, y, work):
-    """A trial step of the largest length, cut by its own error estimate until that is within."""
+    """The first step: the largest one, reduced until its error estimate is within the tolerance."""
     h, order = method.setting[2], method.setting[3]
     for _ in range(60):
         error = attempt(method, system, t, y, h, work)
@@ -369,7 +366,7 @@ def first_length(method, system, t, y, work):
 
 
 def add_increment(y, c, work):
-    """y + the increment in `work`, compensated, in place."""
+    """Add the increment in `work` to y with compensated summation, in place."""
     for i in range(y.shape[0]):
         d = work[DY, i] + c[i]
         s = y[i] + d
@@ -403,7 +400,7 @@ def advance_grid(method, system, grid, stop, work):
             project(system, t, y1)
             if spent or not adaptive or finite(y1):
                 break
-            # no state on the constraints is near: the error is too large, whatever its estimate
+            # no state on the constraints is near: the step is rejected whatever its estimate
             error = math.nan
             copy(y1, y0)
             copy(c1, c0)
@@ -425,32 +422,41 @@ def advance_grid(method, system, grid, stop, work):
 
 
 def branch(method, system, grid, t, work, y, c):
-    """y = the state at t, by one step from t0; c is work space."""
+    """Write the state at t, by one step from t0, to y; c: its low digits. Returns the error of the
+    step in units of the tolerance."""
     copy(y, grid.y0)
     copy(c, grid.c0)
-    increment(method, system, grid.t0, grid.y0, t - grid.t0, work)
+    error = attempt(method, system, grid.t0, grid.y0, t - grid.t0, work)
     add_increment(y, c, work)
     project(system, t, y)
+    return error
 
 
 def reach(method, system, grid, t, work, y, c):
-    """As `branch`, in 2, 4 .. PARTS equal steps where one gives no finite state: an implicit method
-    may have no solution in one step to t though it has one in the step to t1."""
-    branch(method, system, grid, t, work, y, c)
-    parts = 2
-    while parts <= PARTS and not finite(y):
+    """As `branch`, by 2, 4 .. PARTS equal steps if one has no finite state, or an error above the
+    tolerance that more steps reduce.
+
+    A step to t may have a larger error than the longer one to t1, if its stages are nearer to an
+    instant at which a rim lies flat or a slip turns. An implicit method may have no solution for
+    the step to t although it has one for the step to t1.
+    """
+    error = branch(method, system, grid, t, work, y, c)
+    parts, last = 2, FREE
+    while parts <= PARTS and not (finite(y) and (error <= 1.0 or error >= last)):
+        last = error if error < FREE else FREE
         copy(y, grid.y0)
         copy(c, grid.c0)
-        h = (t - grid.t0) / parts
+        h, error = (t - grid.t0) / parts, 0.0
         for i in range(parts):
-            increment(method, system, grid.t0 + i * h, y, h, work)
+            error = max(error, attempt(method, system, grid.t0 + i * h, y, h, work))
             add_increment(y, c, work)
             project(system, grid.t0 + (i + 1) * h, y)
         parts *= 2
+    return error
 
 
 def state_at(method, system, grid, t, work):
-    """The state at t, with t0 <= t <= t1; not finite where the method finds none."""
+    """The state at t, with t0 <= t <= t1; not finite if the method finds none."""
     slack = ULPS * abs(t)
     if t >= grid.t1 - slack:
         return copy(grid.y, grid.y1)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The contacts of a system at one instant: tasks of the loop, jams, short steps of impulses."""
+"""The contacts of a system at one instant: tasks between calls of the loop, jams, short steps."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ from rb_sim.contact.assembly import (
     answer_over,
     inverse_mass,
     set_velocities,
+    spread,
     velocities,
     write_all_rows,
 )
@@ -84,37 +85,35 @@ from rb_sim.numerics.kernels import for_python, pointer_to, view, where
 from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
 from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate
 
-# What is done between the calls of the loop, compiled once for all scenes.
+# Tasks: compiled functions that are called between calls of the loop, compiled once for all scenes.
 #
-# Tasks work on the tables of a system and the workspace for events, and are called by one address,
-# since each argument costs where Python calls.
+# They work on the tables of a system and the workspace of events, and are called by one address,
+# since each argument of a call from Python takes time.
 
 
 (
     WRITE, WRITE_ROWS, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,
     LEAVE, PASS, OVER,
 ) = range(14)  # fmt: skip
-"""Tasks: write the rows of what is closed, or all of them as dense matrices; multipliers and
-accelerations; bring y back to the manifold; begin a step; arrive at an event (keep the modes before
-it, write all rows); rounds of impacts, or one of what the workspace names; add the impulses of the
-room, or note them; choose the modes; leave (note what has changed, find the time within which
-flights end); pass an event whole, where nothing but the laws is asked; impulses over a short
-time.
-"""
+"""Tasks: write the rows of closed contacts, or all rows; compute multipliers and accelerations;
+project y onto the manifold; begin a step; arrive at an event (store the modes before it, write all
+rows); rounds of impacts, or one impact; add the impulses of the workspace, or note them; choose the
+modes; leave an event (note the changes, compute the time within which flights end); pass an event
+as a whole, if only the laws decide; impulses over a short time."""
 DONE, AT_IMPACTS, AT_MODES = range(3)
-"""How far PASS has come: to the end, or to where more than the laws is asked."""
+"""Result of PASS: done, or stopped before impacts or modes that the laws alone do not decide."""
 
 SYSTEM, WORKSPACE, NUMBERS, STATE, DIGITS, LENGTH, TASK, FIRST, SECOND, THIRD, PLACES = range(11)
-"""Arguments of a task: addresses of system, workspace, numbers, y and its low digits, how long y
-is, the task and three integers that it takes."""
+"""Arguments of a task: addresses of system, workspace, numbers, y and its low digits; length of y;
+the task and its three integers."""
 TIME, FOUND, MORE = range(3)
-"""Numbers: t, and what a task gives: a number, and whether the laws alone decide."""
+"""Numbers: t; results of a task: a number, and whether the laws leave the reactions open."""
 NO_DIGITS = np.zeros(0)
 
 
 def pass_through(system, workspace, t, y, contact, fixed):
-    """What PASS does after the touch-down of a contact: (how far it has come, time within which the
-    flights that begin end)."""
+    """The task PASS after the touch-down of a contact: (result, time within which the flights that
+    begin here end [s])."""
     take_before(system, workspace)
     write_all_rows(system, t, y, workspace)
     status, _ = strike_in_rounds(system, workspace, t, y, 0, AT_ONCE, 0)
@@ -137,7 +136,7 @@ def pass_through(system, workspace, t, y, contact, fixed):
 
 @for_python
 def do_task(places):
-    """Do the task at (t, y); returns its status."""
+    """Execute a task at (t, y); returns its status."""
     system, workspace = held_at(places, SYSTEM), held_at(places, WORKSPACE)
     numbers, task = pointer_to(places, NUMBERS), places[TASK]
     t, y = numbers[TIME], view(pointer_to(places, STATE), 0, places[LENGTH])
@@ -150,7 +149,7 @@ def do_task(places):
     elif task == ACCELERATE:
         contact_accelerations(system, t, y)
     elif task == SETTLE:
-        write_rows(system, t, y)  # those of contacts that the modes open now, which are zero
+        write_rows(system, t, y)  # so that the rows of contacts that are now open are zero
         project(system, t, y)
     elif task == BEGIN:
         begin_step(system, t, y, view(pointer_to(places, DIGITS), 0, places[LENGTH]))
@@ -182,20 +181,19 @@ def do_task(places):
 
 
 CALL = struct.Struct("=7q")
-"""What stands from STATE on."""
+"""Arguments from STATE on."""
 
 
 class Tasks:
-    """Tasks on the tables of a system, which must be in place as long.
+    """Tasks on the tables of a system, which must not move in memory.
 
-    packed: the system as the loop has it; None: everything runs as plain Python, and compiles
-    nothing.
+    packed: the packed system of the loop; None: tasks run as plain Python without compilation.
     """
 
     def __init__(
         self, system: ContactBodies, packed: Any = None, workspace: Workspace | None = None
     ) -> None:
-        """workspace: that of the same contacts before, with what it remembers."""
+        """workspace: a previous one for the same contacts, with its memory."""
         self.system = system
         self.workspace = workspace_for(system) if workspace is None else workspace
         self._numbers = np.zeros(3)
@@ -217,8 +215,8 @@ class Tasks:
         numbers: tuple[int, int, int] = (0, 0, 0),
         c: Array = NO_DIGITS,
     ) -> int:
-        """The task at (t, y), which may change in place; c, the low digits of y, is read by BEGIN
-        alone. Returns its status."""
+        """Execute the task at (t, y), which may change y in place; c: low digits of y, for BEGIN.
+        Returns its status."""
         self._numbers[TIME] = t
         if self._plain:
             self._places[STATE:] = [y, c, len(y), task, *numbers]
@@ -228,31 +226,29 @@ class Tasks:
         return do_task(self._places)
 
     def over(self, t: float, y: Array, duration: float) -> int:
-        """The impulses of a short time, see `forces.answer_over`."""
+        """Impulses over a short time, see `assembly.answer_over`."""
         self._numbers[FOUND] = duration
         return self(OVER, t, y)
 
     @property
     def found(self) -> float:
-        """The number that the last task has given."""
+        """The number that the last task returned."""
         return float(self._numbers[FOUND])
 
     @property
     def undecided(self) -> bool:
-        """True where laws alone do not decide how contacts at rest share the load."""
+        """Whether the reactions of contacts at rest are not unique."""
         return bool(self._numbers[MORE])
 
 
-# Decompositions of the contacts' matrices that succeed, or end the run in one line.
-#
-# LAPACK answers entries that are not finite, and hardly ever finite ones, with a LinAlgError;
-# neither may reach whoever runs a scene.
+# Matrix decompositions that raise SimulationError instead of a LinAlgError, which LAPACK raises for
+# entries that are not finite, and rarely for finite ones.
 
 
 def singular_values(A: Array, of: str) -> tuple[Array, Array, Array]:
     """u, s, v^T of A = u diag(s) v^T.
 
-    of: what A belongs to, for the SimulationError that is raised where there is none.
+    of: meaning of A, for the text of the SimulationError.
     """
     require_finite(of, A)
     with as_simulation_error(lambda: of):
@@ -280,13 +276,13 @@ def require_finite(of: str, *arrays: Array) -> None:
     """Raise SimulationError unless all entries are finite."""
     for array in arrays:
         numbers = array.reshape(-1)
-        # the sum of squares is finite for all but huge entries, and is had in one call
+        # the sum of squares, in one call, is finite unless entries are very large
         if not math.isfinite(np.dot(numbers, numbers)) and not np.isfinite(numbers).all():
             raise not_finite(of)
 
 
 def not_finite(of: str) -> SimulationError:
-    """The error of numbers that are none."""
+    """The error for numbers that are not finite."""
     return SimulationError(
         f"{of} have no solution: the state or the loads are not finite, or overflow; try a "
         "smaller step or tolerance"
@@ -295,7 +291,8 @@ def not_finite(of: str) -> SimulationError:
 
 @contextmanager
 def as_simulation_error(of: Callable[[], str]) -> Iterator[None]:
-    """Raises what linear algebra could not do inside as SimulationError."""
+    """Raises a LinAlgError from inside as SimulationError; of: returns the meaning of the
+    matrix."""
     try:
         yield
     except np.linalg.LinAlgError as error:
@@ -305,8 +302,8 @@ def as_simulation_error(of: Callable[[], str]) -> Iterator[None]:
 class Instant:
     """The contacts of a system at (t, y); y and the table of contacts are changed in place.
 
-    One instant after the other: they share the workspace of the tasks. Raises SimulationError
-    if no modes or impulses satisfy the laws.
+    Only one instance is used at a time, since they share the workspace of the tasks. Raises
+    SimulationError if no modes or impulses satisfy the laws.
     """
 
     def __init__(
@@ -316,14 +313,24 @@ class Instant:
         self.system, self.laws, self.t, self.y = call.system, laws, t, y
         self.call, self.workspace = call, call.workspace
         self.velocity_tolerance = velocity_tolerance_of(self.system)
-        """Speed that is none [m/s]."""
+        """speed that counts as zero [m/s]."""
         self.first: list[int] = self.system.first_row[self.system.joints :].tolist()
-        """First row of each contact; all before that of contact 0 are the joints'."""
+        """first row of each contact; rows before that of contact 0 are those of joints."""
         call(task, t, y)
 
     def refresh(self) -> None:
         """Write the rows again, after y or the modes have changed."""
         self.call(WRITE_ROWS, self.t, self.y)
+
+    @property
+    def rows(self) -> Array:
+        """Rows of constraints and contacts, all closed and stuck, (n, 6N)."""
+        return spread(self.system, self.workspace.all_rows)
+
+    @property
+    def pushes(self) -> Array:
+        """Force directions of all rows, (n, 6N)."""
+        return spread(self.system, self.workspace.all_pushes)
 
     @cached_property
     def inverse_mass(self) -> Array:
@@ -335,7 +342,7 @@ class Instant:
         return [c for c in range(len(self.laws)) if touches(self.system, c)]
 
     def slip_speed(self, c: int) -> float:
-        """[m/s]."""
+        """Slip speed of contact c [m/s]."""
         return float(slip_speed(self.system, c))
 
     def apply(self, x: Array) -> None:
@@ -344,9 +351,9 @@ class Instant:
         self.call(APPLY, self.t, self.y)
 
     def taken_by_joints(self, rows: Array) -> Array:
-        """Minus the impulses on the joints' rows per unit of impulse along each of `rows`, (joint
-        rows, rows)."""
-        held = self.workspace.J[: self.first[0]]
+        """Negative impulses of the joints' rows per unit impulse along each of `rows`, (joint rows,
+        rows)."""
+        held = self.rows[: self.first[0]]
         if not len(held):
             return np.zeros((0, len(rows)))
         A = held @ self.inverse_mass @ held.T
@@ -354,17 +361,17 @@ class Instant:
         return pseudo_inverse(A, of) @ held @ self.inverse_mass @ rows.T
 
     def pivot_of(self, rows: Array, directions: Array) -> Array:
-        """Velocities along `rows` per unit of impulse along `directions`, joints holding."""
-        held = self.workspace.J[: self.first[0]]
+        """Velocities along `rows` per unit impulse along `directions`, with the joints."""
+        held = self.rows[: self.first[0]]
         return rows @ self.inverse_mass @ (directions.T - held.T @ self.taken_by_joints(directions))
 
     def effective_pivot(self, c: int) -> float:
-        """n . M^-1 (n + T/N) over n . M^-1 n, joints holding, for the slip that contact c has."""
+        """n . M^-1 (n + T/N) relative to n . M^-1 n, with the joints, at the slip of contact c."""
         speed, law = self.slip_speed(c), self.laws[c]
         if speed <= self.velocity_tolerance or not 0.0 < law.kinetic < np.inf:
             return 1.0
         k = self.first[c]
-        J = self.workspace.J
+        J = self.rows
         n = self.system.contact_table[c, NORMAL : NORMAL + 3]
         t1, t2 = frame(n)
         d = self.system.contact_table[c, SLIP : SLIP + 3] / speed
@@ -375,24 +382,23 @@ class Instant:
 
 
 def frame(n: Array) -> tuple[Array, Array]:
-    """The tangents that the kernels use."""
+    """The tangents t1 and t2 of the rows of a contact."""
     t1, t2 = perpendicular(tuple(float(x) for x in n))
     return np.array(t1), np.array(t2)
 
 
-# What stops a slip that jams (Painleve's paradox): an impact.
+# Impacts without collision: they stop a slip that jams (Painleve's paradox).
 #
-# The normal impulse and the friction against the slip that follow it drive the contact in until the
-# slip has stopped, and stuck it comes back to no velocity along the normal ("impact without
-# collision", Genot and Brogliato 1999).  However it slips meanwhile, the sum is the impulse after
-# which it has no velocity, within the bound as all its parts are.  Restitution adds e times it
-# (Poisson).
+# Normal impulse and friction drive the contact into the support until the slip stops; then it
+# sticks and returns to zero normal velocity (Genot and Brogliato 1999). However it slips meanwhile,
+# the total impulse is the one after which its velocity is zero, within the friction bound as all
+# its parts are. Restitution adds e times the normal impulse (Poisson).
 
 
 def stopping_impulse(A: Array, v: Array, friction: float, restitution: float) -> Array | None:
     """Impulse (n, t1, t2) of a contact with velocities v = (v_n, s) and A = J M^-1 J^T, (3, 3).
 
-    None if friction within its bound, but for NEAR_JAM of it, cannot stop the slip.
+    None if friction within its bound, to NEAR_JAM of it, cannot stop the slip.
     """
     of = "the impulses of a jammed contact"
     x = -pseudo_inverse(A, of) @ v
@@ -404,13 +410,12 @@ def stopping_impulse(A: Array, v: Array, friction: float, restitution: float) ->
 
 
 def impulses_of_jam(at: Instant, c: int) -> Array | None:
-    """Impulses of all rows that stop the slip of contact c, joints taking part; None if there are
-    none."""
+    """Impulses of all rows that stop the slip of contact c, with the joints; None if impossible."""
     k, joints = at.first[c], at.first[0]
-    J = at.workspace.J
+    J = at.rows
     own = J[k : k + 3]
     A = at.pivot_of(own, own)
-    v = own @ velocities(at.system, at.y)
+    v = own @ velocities(at.system, at.y).reshape(-1)
     v = v - at.workspace.row_rate[k : k + 3]
     law = at.laws[c]
     x = stopping_impulse(A, v, law.kinetic, law.restitution)
@@ -421,19 +426,28 @@ def impulses_of_jam(at: Instant, c: int) -> Array | None:
     return out
 
 
-# A short step of impulses over what the laws between forces and accelerations leave open.
+# Leaps: short steps by impulses where the laws between forces and accelerations have no solution.
 #
-# Some motions change their contacts at every instant (corners that slip about a point that wanders,
-# a slip whose direction turns faster than it grows, a rod that Painleve's paradox leaves no force).
-# Between velocities and impulses the laws of contact have a solution (Stewart and Trinkle 1996):
-# over a length of time too short to matter, the loads act as one impulse, and those of the contacts
-# answer it.
+# Some motions change their contacts at every instant (corners that slip about a moving point, a
+# slip whose direction turns faster than it grows, a rod for which Painleve's paradox leaves no
+# force). The laws between velocities and impulses always have a solution (Stewart and Trinkle
+# 1996): over a negligible time the loads act as one impulse, and contacts respond with theirs.
 
 
-def leap(at: Instant, duration: float) -> Array | None:
-    """Impulses of all rows [N s] over `duration` [s]; y becomes the state after it, off the
-    manifold by the square of the duration, and the table has the modes that it ends in.  Impulses
-    and contact forces work on the mean velocity.  None if the laws have no solution here either."""
+GAINED = 1e-4
+"""Largest energy gained in contacts by a leap, relative to the scene's. The motion of a point on a
+curve gains far less in a negligible time, far more if its direction turns within that time."""
+SHORTER = 0.25
+"""Factor of the duration of a leap that would gain more."""
+
+
+def leap(at: Instant, duration: float) -> float | None:
+    """Advance by `duration` [s] or less (see GAINED) with impulses; returns the time passed [s].
+
+    y becomes the state after it, off the manifold by the square of the duration, and the table has
+    its modes. Impulses and contact forces work on the mean velocity. None if these laws have no
+    solution either.
+    """
     touching, table = at.touching(), at.system.contact_table
     pressed = [c for c, law in enumerate(at.laws) if law.compliant and table[c, CLOSED] == 1.0]
     at.workspace.taking_part[:] = 0
@@ -447,12 +461,16 @@ def leap(at: Instant, duration: float) -> Array | None:
         return None
     u = velocities(at.system, at.y)
     impulses = at.workspace.impulses.copy()
-    p = at.workspace.W.T @ impulses
-    after = u + duration * at.workspace.free_accelerations + at.inverse_mass @ p
+    p = at.pushes.T @ impulses
+    gained = (at.inverse_mass @ p).reshape(u.shape)
+    after = u + duration * at.workspace.free_accelerations + gained
     u_mean = 0.5 * (u + after)
-    work = float(p @ u_mean) + duration * power_of_given(at, u_mean)
-    for i in range(at.system.bodies.shape[0]):
-        mean = u_mean[6 * i : 6 * i + 6]
+    held = slice(at.first[0], None)
+    along = at.rows[held] @ u_mean.reshape(-1) - at.workspace.row_rate[held]
+    if impulses[held] @ along > GAINED * at.system.mass * at.system.speed**2:
+        return leap(at, SHORTER * duration) if at.t + SHORTER * duration > at.t else None
+    work = float(p @ u_mean.reshape(-1)) + duration * power_of_given(at, u_mean)
+    for i, mean in enumerate(u_mean):
         q = slice(WIDTH * i + 3, WIDTH * i + 7)
         at.y[WIDTH * i : WIDTH * i + 3] += duration * mean[:3]
         at.y[q] += duration * np.array(quaternion_rate(tuple(at.y[q]), tuple(mean[3:])))
@@ -462,18 +480,18 @@ def leap(at: Instant, duration: float) -> Array | None:
     for c in touching:
         if impulses[at.first[c]] == 0.0:
             table[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
-    return impulses
+    return duration
 
 
 def what_moves(at: Instant, c: int) -> tuple[bool, bool, bool]:
-    """Whether contact c moves over its support, in each of its three ways."""
+    """Whether contact c slips, rolls and spins."""
     across, about = turning(at.system, c)
     slow = spin_tolerance_of(at.system)
     return at.slip_speed(c) > at.velocity_tolerance, norm(across) > slow, abs(about) > slow
 
 
 def rest_if_it_may(at: Instant, c: int) -> None:
-    """Close contact c, at rest in each way in which its law has a rest."""
+    """Close contact c, sticking in each kind of motion for which its law has static friction."""
     table, law = at.system.contact_table, at.laws[c]
     table[c, CLOSED] = 1.0
     table[c, SLIDE] = STUCK if law.static > 0.0 else SLIDING
@@ -482,7 +500,7 @@ def rest_if_it_may(at: Instant, c: int) -> None:
 
 
 def bring_back(at: Instant) -> None:
-    """Bring the state after a leap back to the manifold of its modes, and apart what overlaps."""
+    """Project the state after a leap onto the manifold of its modes, and separate overlaps."""
     at.refresh()
     table, u = at.system.contact_table, velocities(at.system, at.y)
     under = [c for c in at.touching() if table[c, CLOSED] == 0.0 and table[c, GAP] < 0.0]
@@ -496,8 +514,7 @@ def bring_back(at: Instant) -> None:
 
 
 def power_of_given(at: Instant, u: Array) -> float:
-    """Power of the forces of contacts that are among the loads (of compliant supports, and viscous
-    ones) at the velocities u [W]."""
+    """Power of the direct contact forces (compliant, viscous) at the velocities u [W]."""
     y, multipliers = at.y.copy(), at.system.vectors[MULTIPLIERS].copy()
     set_velocities(at.system, y, u)
     at.system.vectors[MULTIPLIERS] = 0.0

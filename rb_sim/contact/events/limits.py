@@ -44,27 +44,25 @@ from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import BODY, state_of
 from rb_sim.numerics.vectors import unrotate
 
-# Where event-driven motion is the wrong tool: said in one line that names time stepping.
+# Scenes for which event-driven motion is not suited: errors that advise time stepping.
 
 
 TOOL = "use simulation.method time_stepping for this scene"
-"""What a line ends with."""
 ALIKE = 1.0 - 1e-6
-"""Cosine between normals of one pair of bodies from which on they are the same."""
+"""Cosine between two normals of a pair of bodies above which they are equal."""
 STALLED_EVENTS, STALLED_TIME = 2000, 1e-3
-"""So many events within so short a time (natural units) are no motion any more: leaps, which pass
-what changes without end, would have passed a longer time after a tenth of them."""
+"""A run has stalled if it has this number of events within this time (natural units)."""
 
 
 class Progress:
-    """Sees that a run advances from event to event. unit: the scene's time [s]."""
+    """Checks that a run advances between events. unit: the scene's time [s]."""
 
     def __init__(self, unit: float) -> None:
         self._times: deque[float] = deque(maxlen=STALLED_EVENTS)
         self._shortest = STALLED_TIME * unit
 
     def add(self, t: float, contact: str) -> None:
-        """One more event at t [s]; SimulationError if time has hardly gone on during the last."""
+        """Add an event at t [s]. Raises SimulationError if the run has stalled."""
         self._times.append(t)
         span = t - self._times[0]
         if len(self._times) == STALLED_EVENTS and span < self._shortest:
@@ -75,11 +73,11 @@ class Progress:
 
 
 Pairs = tuple[tuple[int, ...], ...]
-"""Contacts of the points of one body with another's own box or cylinder, by pair of bodies."""
+"""For each pair of bodies, the contacts of points of one with the box or cylinder of the other."""
 
 
 def pairs_of_solids(system: ContactBodies) -> Pairs:
-    """Of all bodies that touch with several points."""
+    """The pairs with more than one contact."""
     pairs: dict[tuple[int, int], list[int]] = {}
     for c, one in enumerate(one for group in system.contacts for one in group):
         if isinstance(one.row.pair, BallOnSolid):
@@ -88,10 +86,10 @@ def pairs_of_solids(system: ContactBodies) -> Pairs:
 
 
 def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
-    """Raise SimulationError where two convex bodies touch at points with several normals.
+    """Raise SimulationError if two convex bodies touch at points with different normals.
 
-    A plane parts two convex bodies that touch, and its normal is that of all their points; where
-    points have others they lie on an edge of the support, and rounding chooses between its faces.
+    A plane separates two convex bodies that touch, and its normal is that of all their points.
+    Points with other normals lie on an edge of the support, where rounding chooses the face.
     """
     if not pairs:
         return
@@ -109,17 +107,15 @@ def refuse_edges(at: Instant, pairs: Pairs, names: tuple[str, ...]) -> None:
             )
 
 
-# Laws of friction that have no motion at all in some states: which, and the line that says so.
+# States in which friction laws allow no motion.
 #
-# Perfectly rough closed contacts may not slip.
-#
-# No force of theirs is bounded, so that a slip ends in an impact at once.  A support that gives way
-# knows no impacts, and a contact that would have to pull to keep from slipping has no motion at
-# all.
+# A closed perfectly rough contact cannot slip: its friction is unbounded, and a slip ends at once
+# in an impact. A compliant support has no impacts, and a contact that would have to pull to prevent
+# a slip allows no motion.
 
 
 def slipping_rough(at: Instant) -> list[int]:
-    """Perfectly rough contacts that are closed and slip, in the modes of the table."""
+    """Closed perfectly rough contacts that slip by the modes of the table."""
     table, rough = (
         at.system.contact_table,
         [c for c, law in enumerate(at.laws) if law.static == math.inf],
@@ -128,7 +124,7 @@ def slipping_rough(at: Instant) -> list[int]:
 
 
 def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
-    """Raise SimulationError: nothing keeps the perfectly rough contact c from slipping."""
+    """Raise SimulationError: no force prevents the slip of the perfectly rough contact c."""
     if at.laws[c].compliant:
         raise SimulationError(
             f"perfectly rough contact {names[c]} slips on a compliant support at t = {at.t:.9g} s, "
@@ -141,8 +137,8 @@ def refuse_rough(at: Instant, c: int, names: Sequence[str]) -> None:
 
 
 def refuse_drag(t: float, name: str) -> None:
-    """Raise SimulationError: a viscous contact's drag, which does not wait for a normal force,
-    lifts its body off, and without it the body falls back."""
+    """Raise SimulationError: the drag of a viscous contact, which is independent of the normal
+    force, lifts the body, and without the drag the body falls back."""
     raise SimulationError(
         f"viscous contact {name} can neither stay closed nor open at t = {t:.9g} s: its "
         "drag, which "
@@ -154,24 +150,23 @@ def refuse_drag(t: float, name: str) -> None:
 def refuse_to_be_dragged_off(
     system: ContactBodies, law: ContactLaw, t: float, c: int, names: Sequence[str]
 ) -> None:
-    """Raise SimulationError where a contact with a damper, which its drag has just lifted off,
-    would push again at once: at the start of the step, apart, its event function falls."""
+    """Raise SimulationError if a compliant contact that its drag has just opened would close again
+    at once: its event function falls at the start of the step."""
     table, unit = system.contact_table, system.length / system.speed
     apart = law.compliant and table[c, CLOSED] == 0.0
     if apart and law.drags and table[c, EVENT_RATES_BEFORE] * unit < -HELD_DOWN:
         refuse_drag(t, names[c])
 
 
-# Rims that lie flat: which of their points hold them.
+# Contact points of flat rims.
 #
-# A rim that lies on a plane is held at a few points (see
-# rb_sim.catalogue.geometry.corners_and_rims); where it begins to tip, or falls, one of them has to
-# be the point that it tips over.
+# A rim that lies on a plane has a few contact points (catalogue/geometry/corners_and_rims). When it
+# begins to tip, or falls, one of them must be the point that it tips over.
 
 
 AIMED = 1e-8
 """Angle [rad] between the wanted and the present direction of the first contact point of a flat
-rim up to which the point stays where it is."""
+rim up to which the point is not moved."""
 BORNE = 1e-6
 """Distance of the centre of pressure of a flat rim from its middle, in radii, below which its
 direction is not used."""
@@ -181,21 +176,21 @@ where its first contact point is; above, the direction of tilting does."""
 
 
 class Rim(NamedTuple):
-    """What tells one rim on a plane from another."""
+    """Identity of a rim on a plane."""
 
     body: int
     plane: tuple
-    """its centre and the plane, in their bodies."""
+    """its centre and the plane, in the axes of their bodies."""
     alone: bool
-    """it touches with one point only."""
+    """whether it has only one contact point."""
 
 
 Rims = dict[int, Rim]
-"""By contact, of those that are points of a rim on a plane."""
+"""Contact -> its rim, for contacts that are points of a rim on a plane."""
 
 
 def rims_of(system: ContactBodies) -> Rims:
-    """The contacts that are points of a rim on a plane, by their numbers."""
+    """The contacts that are points of a rim on a plane."""
     placed = [one for group in system.contacts for one in group]
     return {
         c: Rim(
@@ -209,7 +204,7 @@ def rims_of(system: ContactBodies) -> Rims:
 
 
 def lying(at: Instant, rims: Rims) -> list[int]:
-    """Those that touch with the rim flat."""
+    """Contacts that touch and whose rim lies flat."""
     if not rims:
         return []
     table = at.system.contact_table
@@ -219,8 +214,8 @@ def lying(at: Instant, rims: Rims) -> list[int]:
 
 
 def aim_under_the_load(at: Instant, rims: Rims) -> bool:
-    """Let each rim that lies, and hardly turns, have a point beyond the middle of what it bears, or
-    would bear if all its points held it; False if it has."""
+    """Move the first contact point of each flat rim at rest towards its centre of pressure, with
+    all its points closed; returns whether any was moved."""
     if not rims:
         return False
     table, aims = at.system.contact_table, {}
@@ -277,7 +272,7 @@ def aim(at: Instant, towards: dict[int, Array], least: float) -> bool:
 def refuse_to_lie(
     at: Instant, rims: Rims, names: Sequence[str], code: tuple[int, int] | None
 ) -> None:
-    """Raise SimulationError where a rim that touches with its lowest point alone lies flat.
+    """Raise SimulationError if a rim with only one contact point lies flat.
 
     code: (contact, kind) of the event that led here.
     """

@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The first event within a step: where one of the event functions passes through zero.
+"""The first event within a step: the first zero of an event function.
 
-After each step they are read (gap, normal force, distance to the friction bound, slip along its
-direction); if one has become negative, the first zero in the step is found by further steps of the
-method from the same grid point, as samples are, to the last digits of the time.
+After each step the event functions are evaluated (gap, normal force, distance from the friction
+bound, slip along its direction). If one is negative, its zero is located to the last digits of the
+time by further steps of the method from the same grid point, as samples are computed.
 """
 
 from __future__ import annotations
@@ -82,36 +82,35 @@ from rb_sim.mechanics.contact.event_functions import (
     roll_level,
     rolling,
     slip_level,
+    step_of_swings,
     turned_by_rounding,
 )
 from rb_sim.mechanics.systems.many_bodies import BODY, MASS, PARENT, WIDTH, vec
 from rb_sim.numerics.vectors import dot, norm, scale, sub, unrotate
 
-# Where the event functions between two instants are expected to vanish first.
+# Prediction of the first zero of the event functions between two instants.
 #
-# Of every event function the values at both instants are known, and of the gaps of what is in rigid
-# flight the rates: a cubic through them tells its zero.  The others are taken to differ by a
-# constant from the cubic over the whole step, values and rates at its ends, and this constant is
-# what was seen at the nearer instant.  So a handful of states tells the instant to its last digits,
-# however many contacts there are.
+# For the gap of a contact in rigid flight values and rates are known at both instants, and the zero
+# is that of a cubic. Any other event function is the cubic over the whole step, by values and rates
+# at its ends, plus the difference observed at the nearer instant. A few evaluations thus locate the
+# event to the last digits, whatever the number of contacts.
 
 
 LOCATED = 1e-15
 """Value of an event function below zero, in natural units, at which the event counts as located."""
 FLOOR = 3e-16
-"""Smallest width of a bracket of an event, relative to the time: hardly more than the rounding
-of the time."""
+"""Smallest width of a bracket of an event, relative to the time: little more than rounding."""
 REFINED = 6
-"""Steps of Newton's method for the zero of a cubic."""
+"""Number of Newton steps for the zero of a cubic."""
 EARLY, LATE, BEGIN, END = 0, 2, 4, 6
-"""Columns of a bracket, of the values and the rates (where they are known) of an event function at
-the earlier and the later instant, and at the begin and the end of the step (t in its last row)."""
+"""Columns of a bracket: value and rate (if known) of an event function at the earlier and the later
+instant, and at the start and the end of the step (times in its last row)."""
 
 
 def begin_bracket(system, grid, rates, late):
-    """The bracket from the begin of the step to `late`, (contacts, EVENT_FUNCTION_KINDS + 1, 8).
+    """The bracket from the start of the step to `late`, (contacts, EVENT_FUNCTION_KINDS + 1, 8).
 
-    After `level_at` at `late`; rates: those at the end of the step.
+    Call after `level_at` at `late`; rates: at the end of the step.
     """
     table = system.contact_table
     bracket = np.full((table.shape[0], EVENT_FUNCTION_KINDS + 1, 8), FREE)
@@ -133,7 +132,7 @@ def begin_bracket(system, grid, rates, late):
 
 
 def note_event_functions(system, bracket, late):
-    """The event functions as they are in the table of contacts, into one side of the bracket."""
+    """Copy the event functions from the table of contacts into one side of the bracket."""
     table, side = system.contact_table, LATE if late else EARLY
     for c in range(table.shape[0]):
         for k in range(EVENT_FUNCTION_KINDS):
@@ -142,7 +141,7 @@ def note_event_functions(system, bracket, late):
 
 
 def zero_of(a, ra, b, rb, width, target, s):
-    """Where the cubic has the value `target`, by Newton's method from s."""
+    """Place at which the cubic has the value `target`, by Newton's method from s."""
     for _ in range(REFINED):
         value, slope = cubic_at(a, ra, b, rb, width, s)
         if slope == 0.0:
@@ -152,11 +151,11 @@ def zero_of(a, ra, b, rb, width, target, s):
 
 
 def crossing(one, step, flies, early, late):
-    """(instant at which an event function is expected to vanish, its rate there); one: its row of
-    the bracket, step: that of the times, flies: its rates are known."""
+    """(predicted zero of an event function, its rate there); one: its row of the bracket, step: the
+    row of times, flies: whether its rates are known."""
     a, b, width = one[EARLY], one[LATE], late - early
     if a < 0.0 and a + one[BEGIN + 1] * width <= 0.0:
-        return early, 0.0  # below zero by rounding where the step begins, and does not rise
+        return early, 0.0  # negative by rounding at the start of the step, and not rising
     part = a / (a - b) if 0.0 < a < FREE else 0.5
     rate = (b - a) / width if a < FREE else -abs(b) / width
     if flies and a < FREE:
@@ -179,8 +178,7 @@ def crossing(one, step, flies, early, late):
 
 
 def first_crossing(system, bracket, early, late):
-    """An instant between both at which the first of the event functions is expected to have just
-    vanished."""
+    """Instant between `early` and `late` just after the first predicted zero."""
     first, slope = late, 0.0
     for c in range(bracket.shape[0]):
         flies = in_rigid_flight(system.contact_table, c)
@@ -201,50 +199,48 @@ def first_crossing(system, bracket, early, late):
     return t
 
 
-# A look inside a step for event functions that pass through zero and come back.
+# Dips: event functions that become negative and positive again within a step.
 #
-# Values and rates at the ends of a span give a cubic; what it misses is measured at a point inside,
-# and falls with the fourth power of the span.  A span in which the cubic stays clear of zero by
-# more than that is done; others are parted.  The distance of a point from a solid with faces has a
-# kink where another face is nearest, which no cubic knows: in by one face and out by the next.  But
-# it is convex along a straight way, so that it is above its tangents, whose bends the rest of the
-# motion changes but little: a gap that falls at first and rises at last is looked at where they
-# meet.
+# Over a span of time, values and rates at its ends give a cubic. Its error is measured at a point
+# inside, and falls with the fourth power of the span. A span is done if the cubic is farther from
+# zero than this error; otherwise it is divided. The distance from a solid with faces has a kink
+# where the nearest face changes, which no cubic describes; along a straight path, however, it is
+# convex and so above its tangents. A gap that falls first and rises last is therefore evaluated
+# where its tangents meet.
 #
-# A body that is on one side of another solid at the begin of a span and on another side at its end
-# may have gone through it, whatever the rates say (what is let go at rest does not fall at first):
-# such a span is parted until the sides agree or the ways of the surfaces are too short to meet.
+# A body that is on one side of a solid at the start of a span and on another side at its end may
+# have passed through it, whatever the rates are (a body released from rest does not fall at first).
+# Such a span is divided until the sides agree or the surfaces move too little to meet.
 #
-# The first look costs nothing where an event function changes by less, over the step, than what it
-# is away from zero.  Event functions are in natural units; a depth of COMPUTED_ROUNDING is none.
+# A step in which an event function changes by less than its distance from zero needs no search.
+# Event functions are in natural units; a depth below COMPUTED_ROUNDING is rounding.
 
 
 ROUNDS, DEPTH = 60, 40
-"""Points looked at for one event function of one step; spans kept at a time."""
+"""Maximum number of points evaluated for one event function of one step, and of stored spans."""
 SHORT = 1.0
-"""Way of the surfaces in a span, in lengths of the scene, at the speeds of both its ends together,
-below which a cubic describes a gap."""
+"""Motion of the surfaces in a span, by the sum of their speeds at its ends and in units of the
+scene's length, up to which a cubic describes a gap."""
 TURN = 1.0
-"""Turn of the bodies in a span [rad] beyond which points of them swing, as no cubic does."""
+"""Rotation of the bodies in a span [rad] up to which a cubic describes a gap."""
 END_SIZE = 7
-"""Numbers of one end of a span."""
+"""Number of values of one end of a span."""
 UNKNOWN = 1e300
 """Error of a cubic that has not been measured."""
 DETOUR = 2.0
-"""Times the distance between the places at the ends of a step that a body may have gone in it."""
+"""Longest path of a body in a step, relative to the distance between its start and its end."""
 BENT = 1.0
-"""What turning and forces bend a gap by, in parts of what its tangents fall within a span."""
+"""Curvature of a gap by rotation and forces, relative to the fall of its tangents within a span."""
 INSIDE = 0.05
-"""Part of a span next to its ends in which it is not parted."""
+"""Smallest distance from the ends of a span, relative to it, at which it is divided."""
 ONE_SIDE = 0.5
-"""Cosine of the angle between the normals at both ends of a span, as the parent sees them, from
-which on they are of one side of it: faces of a box are 90 degrees apart, and a ball that goes
-round a smaller angle has its gap described by a cubic."""
+"""Cosine of the angle between the normals at both ends of a span, in axes of the parent, above
+which the body is on the same side: faces of a box are 90 degrees apart."""
 
 
 def add_low_digits(system, c):
-    """Add to every gap what the low digits c of the positions make of it: of a gap much smaller
-    than the coordinates that it is the difference of, they are digits that count."""
+    """Add the contribution of the low digits c of the positions to every gap: they matter for a gap
+    that is a small difference of large coordinates."""
     table = system.contact_table
     for i in range(table.shape[0]):
         n, k = vec(table, i, NORMAL), first_row_of(system, i)
@@ -256,21 +252,21 @@ def add_low_digits(system, c):
 
 
 def level_of(system, t, y, c):
-    """(lowest event function, its code) of the state y at t, c: its low digits, which compensated
-    summation has still to add."""
+    """(lowest event function, its code) of the state y at t; c: low digits of y by compensated
+    summation."""
     contact_accelerations(system, t, y)
     add_low_digits(system, c)
     return lowest_level(system)
 
 
 def level_at(method, system, grid, t, work, y, c):
-    """(lowest event function, its code) at t; y, c = the state there and its low digits."""
+    """(lowest event function, its code) at t; writes the state there and its low digits to y, c."""
     reach(method, system, grid, t, work, y, c)
     return level_of(system, t, y, c)
 
 
 def corner_of(a, ra, b, rb, width):
-    """Place in the span, 0 to 1, at which a gap with a kink may be below zero; -1 for none."""
+    """Place in the span, 0 to 1, at which a gap with a kink may be negative; -1: none."""
     if not ra < 0.0 < rb:
         return -1.0
     s, least = tangents_meet(a, ra, b, rb, width)
@@ -278,7 +274,7 @@ def corner_of(a, ra, b, rb, width):
 
 
 def normal_on_parent(system, y, i, n):
-    """The normal n of contact i in the state y, in axes of its parent."""
+    """The normal n of contact i in axes of its parent, in the state y."""
     a = system.row_table[first_row_of(system, i), PARENT]
     if a < 0:
         return n
@@ -287,13 +283,13 @@ def normal_on_parent(system, y, i, n):
 
 
 def normals_of_step(system, grid, ends, i):
-    """The normals of contact i at the begin and at the end of the step, in axes of its parent."""
+    """The normals of contact i at the start and the end of the step, in axes of its parent."""
     before = normal_on_parent(system, grid.y0, i, vec(ends, i, NORMAL_BEFORE))
     return before, normal_on_parent(system, grid.y1, i, vec(ends, i, NORMAL))
 
 
 def way_apart(y, other, b, length):
-    """How far the places of body b are apart in two states, a turn by the length [m]."""
+    """Displacement of body b between two states, plus its rotation times the length [m]."""
     way, turn = 0.0, 0.0
     for i in range(3):
         way += (y[WIDTH * b + i] - other[WIDTH * b + i]) ** 2
@@ -303,10 +299,10 @@ def way_apart(y, other, b, length):
 
 
 def way_of_surfaces(system, grid, ends, i):
-    """Way that body and support of contact i may have gone in the step, towards each other [m].
+    """Upper estimate of the relative motion of the two surfaces of contact i in the step [m].
 
-    By the speeds at its ends and by how far it has taken them: what begins at rest and comes to
-    rest, as a pendulum does that swings over, was fast in between.
+    By the speeds at the ends of the step and by the displacement in it: a pendulum that swings from
+    rest to rest is fast in between.
     """
     width, k = grid.t1 - grid.t0, first_row_of(system, i)
     apart = way_apart(grid.y1, grid.y0, system.row_table[k, BODY], system.length)
@@ -316,7 +312,7 @@ def way_of_surfaces(system, grid, ends, i):
 
 
 def spin_of(system, y, i):
-    """How fast the bodies of contact i turn in the state y, together [rad/s]."""
+    """Sum of the angular speeds of the bodies of contact i in the state y [rad/s]."""
     k = first_row_of(system, i)
     b, a = WIDTH * system.row_table[k, BODY] + 10, system.row_table[k, PARENT]
     spin = norm((y[b], y[b + 1], y[b + 2]))
@@ -332,8 +328,8 @@ def fastest_spin(system, grid, i):
 
 
 def may_dip(system, grid, ends, rates, i, k):
-    """True unless the k-th event function of contact i surely stays positive between the ends of
-    the step; ends: the table at its end."""
+    """Whether event function k of contact i may become negative within the step and positive again;
+    ends: the table of contacts at the end of the step."""
     low, high, width = (
         ends[i, EVENT_FUNCTIONS_BEFORE + k],
         ends[i, EVENT_FUNCTIONS + k],
@@ -343,7 +339,7 @@ def may_dip(system, grid, ends, rates, i, k):
         return False
     if k == 0 and ends[i, CLOSED] == 0.0:
         if ends[i, AROUND] > 0.0 and ends[i, LEAN_SIGN] == IN_FLIGHT:
-            return False  # no point of a rim in flight is lower than its low one
+            return False  # the lowest point of a rim in flight has its own contact
         reach = way_of_surfaces(system, grid, ends, i)
         if ends[i, GAP_BEFORE] + ends[i, GAP] >= reach:
             return False
@@ -359,9 +355,9 @@ def may_dip(system, grid, ends, rates, i, k):
 
 
 def is_clear(a, ra, b, rb, width, error):
-    """The function whose cubic is given, and wrong by no more than `error`, has no zero inside."""
+    """Whether a function within `error` of this cubic has no zero inside the span."""
     if not max(a, b) > COMPUTED_ROUNDING:
-        return True  # what is left is round-off
+        return True  # only round-off
     s = cubic_minimum(a, ra, b, rb, width)
     if s > 0.0:
         least, _ = cubic_at(a, ra, b, rb, width, s)
@@ -373,7 +369,7 @@ def is_clear(a, ra, b, rb, width, error):
 
 
 def put_span(spans, top, a, b, error):
-    """Put a span on the stack: (t, level, rate, way per time, normal on the parent) at both ends,
+    """Put a span on the stack: (t, value, rate, speed, normal in axes of the parent) at both ends,
     and the error of its cubic; returns the new height."""
     for j in range(END_SIZE):
         spans[top, j], spans[top, END_SIZE + j] = a[j], b[j]
@@ -382,8 +378,7 @@ def put_span(spans, top, a, b, error):
 
 
 def end_of(spans, top, j):
-    """One end of the span at `top` of the stack, the first at column 0, the second at END_SIZE; see
-    `put_span`."""
+    """One end of the span at `top` of the stack: the first for j = 0, the second for END_SIZE."""
     return (
         spans[top, j], spans[top, j + 1], spans[top, j + 2], spans[top, j + 3],
         spans[top, j + 4], spans[top, j + 5], spans[top, j + 6],
@@ -391,27 +386,27 @@ def end_of(spans, top, j):
 
 
 def on_one_side(a, b):
-    """Whether the normals at the ends a and b of a span are of one side of the parent."""
+    """Whether the body is on the same side of the parent at the ends a and b of a span."""
     return a[4] * b[4] + a[5] * b[5] + a[6] * b[6] >= ONE_SIDE
 
 
 def measured(a, ra, b, rb, width, s, value, rate):
-    """Largest error in the span of its cubic, from the value and the rate at s."""
+    """Largest error of the cubic in the span, estimated from value and rate at s."""
     guess, slope = cubic_at(a, ra, b, rb, width, s)
     place = 4.0 * s * (1.0 - s)
     return max(abs(value - guess) / (place * place), 0.25 * abs(rate * width - slope))
 
 
 def next_place(a, b, error, width, way, turn, flies):
-    """Place in the span from a to b, 0 to 1, to look at next; -1 if nothing in it is below zero.
+    """Place in the span from a to b, 0 to 1, to evaluate next; -1 if there is no zero in it.
 
-    way: that the surfaces may have gone, in lengths of the scene; turn: that of the bodies [rad];
-    flies: it is a gap, of a contact that is open.
+    way: motion of the surfaces in units of the scene's length; turn: rotation of the bodies [rad];
+    flies: whether the function is the gap of an open contact.
     """
     if way > SHORT or turn > TURN:
         return -1.0 if a[1] + b[1] >= way else 0.5
     if flies and not on_one_side(a, b):
-        # speeds at the ends of a whole step say little: what swings over is at rest at both
+        # a body may be at rest at both ends of a whole step and fast in between
         if error < UNKNOWN and a[1] + b[1] >= way:
             return -1.0
         place = corner_of(a[1], a[2], b[1], b[2], width)
@@ -425,19 +420,18 @@ def next_place(a, b, error, width, way, turn, flies):
 
 
 def rate_of(system, t, y, i, k):
-    """Rate of the k-th event function of contact i, whose value has been found at (t, y)."""
+    """Rate of event function k of contact i, whose value has been computed at (t, y)."""
     if in_rigid_flight(system.contact_table, i):
         return system.contact_table[i, GAP_RATE] / system.length
     return level_rates(system, t, y)[i, k]
 
 
 def dip_of(method, system, grid, spans, i, k, work, y, c):
-    """(the earliest time found in the span spans[0] at which the k-th event function of contact i
-    is negative, t1 if there is none; the time up to which the span has been searched, which is less
-    where a gap takes more looks or spans than there are).
+    """(earliest time found in spans[0] at which event function k of contact i is negative, or t1;
+    time up to which the span has been searched).
 
-    A slip takes more where it begins: its event function jumps there, from the direction that is
-    kept to its own, and no shorter step would tell more of it.
+    The second is less than t1 if a gap exceeds ROUNDS or DEPTH. A slip may exceed them where it
+    begins, since its event function jumps there; a shorter step would not help.
     """
     table, top = system.contact_table, 1
     flies = k == 0 and table[i, CLOSED] == 0.0
@@ -472,7 +466,7 @@ def dip_of(method, system, grid, spans, i, k, work, y, c):
 
 
 def first_that_may_dip(system, grid, rates):
-    """Number of the first event function, in the order of the contacts, that may dip; -1: none."""
+    """Index of the first event function, in the order of the contacts, that may dip; -1: none."""
     for i in range(system.contact_table.shape[0]):
         for k in range(EVENT_FUNCTION_KINDS):
             if may_dip(system, grid, system.contact_table, rates, i, k):
@@ -481,11 +475,11 @@ def first_that_may_dip(system, grid, rates):
 
 
 def first_dip(method, system, grid, rates, work, y, c):
-    """(the earliest time found within the step at which an event function is negative that is not
-    at its end, t1 if there is none; the time up to which the step has been searched, see `dip_of`).
+    """(earliest time found within the step at which an event function is negative that is positive
+    at its end, or t1; time up to which the step has been searched, see `dip_of`).
 
-    After `lowest_level` at t1 and `level_rates`, which has given `rates`; the tables are those of
-    t1 again where nothing is found.
+    Call after `lowest_level` at t1 and `level_rates`, which returns `rates`. If nothing is found,
+    the tables are those of t1 again.
     """
     table, earliest, searched = system.contact_table, grid.t1, grid.t1
     first = first_that_may_dip(system, grid, rates)
@@ -514,13 +508,13 @@ def first_dip(method, system, grid, rates, work, y, c):
     return earliest, searched
 
 
-# What a step of bodies in contact starts from: directions, gaps, event functions, leans.
+# Values at the start of a step: directions, gaps, event functions, tilts of rims.
 
 
 def look_ahead(system, rates):
-    """Note what the next step starts from: directions of slip and turning, gaps, levels, leans.
+    """Store the values at the start of the next step in the table of contacts.
 
-    After `lowest_level` and, with the rates that it has found, `level_rates`.
+    Call after `lowest_level` and `level_rates`, which returns `rates`.
     """
     table = system.contact_table
     for c in range(table.shape[0]):
@@ -536,7 +530,7 @@ def look_ahead(system, rates):
 
 
 def note_directions(system, c):
-    """Directions of slip and turning, and the event functions along them."""
+    """Store the directions of slip, rolling and spinning, and the event functions along them."""
     table, before, slopes = system.contact_table, EVENT_FUNCTIONS_BEFORE, EVENT_RATES_BEFORE
     slip, roll = vec(table, c, SLIP), rolling(table, c)
     note_direction(table, c, SLIP_DIRECTION, slip, least_slip(system, c))
@@ -558,39 +552,37 @@ def note_directions(system, c):
 
 
 def note_direction(table, c, at, a, velocity_tolerance):
-    """Keep the unit vector of `a` in the table from column `at` on; below `velocity_tolerance` the
-    one before stays."""
+    """Store the unit vector of `a` in the table from column `at` on, if |a| is above
+    `velocity_tolerance`; otherwise the previous one stays."""
     size = norm(a)
     if size > velocity_tolerance:
         keep(table, c, at, scale(1.0 / size, a))
 
 
-# Slips on rigid supports, too slow for steps to tell where they go: friction goes on as before.
+# Slips on rigid supports that are so slow that errors hide their direction.
 #
-# A slip below some tolerances of an adaptive method has, at the stages of a step, a direction that
-# is but their error.  Friction goes on along the last one that was none, and most slips, about to
-# end, are gone before that matters.  Where one goes on, as on a pad close to a hinge, and turns by
-# p, friction takes mu N s (1 - cos p) less power than it should, s the slip; no error estimate sees
-# it.
+# At the stages of a step the direction of such a slip is only the error of the method. Friction
+# then keeps its previous direction, and most such slips end before that matters. If one lasts, e.g.
+# on a pad close to a hinge, and turns by an angle p, friction dissipates mu N s (1 - cos p) too
+# little power, with s the slip; the error estimate of the step does not contain it.
 
 
 LASTING = 10.0
-"""Times the impulse that would end a slip by which friction has acted where the slip goes on."""
+"""A slip lasts if friction has acted for this multiple of the impulse that would stop it."""
 LAGS, ERRORS = 0.1, 3.0
-"""Speed of the energy that friction should have taken, over the body's as its slip became slow, and
-in slips that are lost in errors. It is reported where it is above both; 0.1 is 0.01 of the
-energy."""
+"""Speed of the energy that friction should have dissipated, relative to the body's speed as the
+slip became slow, and to `velocity_tolerance`; reported above both. 0.1 is 0.01 of the energy."""
 
 
 PUSHED, BEGAN, NOT_TAKEN, LAG, LAG_TIME, ROUNDED, ROUNDED_TIME, KEPT = range(8)
-"""Columns by contact of what is kept of slips that are lost in errors: friction since then [N s],
-the body's speed then [m/s], what friction has not taken since [J]; the largest share of that speed,
-its time [s]; the largest angle [rad] by which rounding has turned the lean of a rim (see
-`mechanics.contact.event_functions`), its time [s]. KEPT: how many."""
+"""Columns by contact for slow slips: impulse of friction [N s], speed of the body at their start
+[m/s], energy not dissipated [J], the largest LAG and its time [s]; for rims: largest angle by which
+rounding has turned the tilt (mechanics/contact/event_functions) [rad], and its time [s]. KEPT:
+number of columns."""
 
 
 def speed_of(y, b, arms):
-    """|(v_C, A w)| of body b; arms: A by rows of each body (see `mechanics.error_scales`) [m]."""
+    """|(v_C, A w)| of body b; arms: rows of A of each body (mechanics/error_scales) [m]."""
     total = 0.0
     for i in range(3):
         turned = 0.0
@@ -601,7 +593,7 @@ def speed_of(y, b, arms):
 
 
 def note_rounded_leans(table, kept, t):
-    """Note how far rounding turns the leans of rims that hardly miss flat, in the step from t."""
+    """Store the largest angle by which rounding turns the tilt of a rim in the step from t."""
     for c in range(table.shape[0]):
         turned = turned_by_rounding(table, c)
         if turned > kept[c, ROUNDED]:
@@ -609,9 +601,9 @@ def note_rounded_leans(table, kept, t):
 
 
 def note_slow_slips(system, kept, arms, grid):
-    """Note what friction has missed in the last step, of slips that are lost in errors and turned.
+    """Add up the energy that friction on slow slips has not dissipated in the last step.
 
-    After the levels at its end, before what the next one starts from is noted.
+    Call after the event functions at its end, before `look_ahead`.
     """
     table = system.contact_table
     for c in range(table.shape[0]):
@@ -636,7 +628,7 @@ def note_slow_slips(system, kept, arms, grid):
 
 
 def lighter(system, c):
-    """The one of the two bodies of contact c whose mass is smaller; the world has none."""
+    """The lighter one of the two bodies of contact c."""
     k = first_row_of(system, c)
     b, parent = system.row_table[k, BODY], system.row_table[k, PARENT]
     if parent >= 0 and system.bodies[parent, MASS] < system.bodies[b, MASS]:
@@ -645,29 +637,26 @@ def lighter(system, c):
 
 
 GRADE, ROUGH, APPROACH = 4.0, 0.1, 1e-10
-"""Steps towards the instant at which a slip vanishes. Its direction may turn ever faster before,
-and is lost in rounding at the very end. The instant is located to the fraction ROUGH of the
-remaining time, steps shrink by the factor GRADE, and end at the remaining time APPROACH (natural
-units)."""
+"""Steps towards the end of a slip, whose direction may turn faster and faster and is rounding at
+the very end. The end is located to the fraction ROUGH of the remaining time, steps shrink by the
+factor GRADE, until the remaining time is APPROACH (natural units)."""
 
 CUTS = 40
-"""The most cuts of a step for the leans of rims."""
+"""Maximum number of reductions of a step for the tilt of rims."""
 
 TRIES = 32
-"""Steps after which contacts that creep are tried for rest again."""
+"""Number of steps between attempts to let creeping contacts stick."""
 
 
 def begin_step(system, t, y, c):
-    """Bring the tables up to date at (t, y), from where the next step starts; c: the low digits of
-    y."""
+    """Update the tables for a step that starts at (t, y); c: low digits of y."""
     level_of(system, t, y, c)
     look_ahead(system, level_rates(system, t, y))
     note_stiffness(system, y)
 
 
 def cut_grid(grid, t, y, c, h):
-    """The grid with its last step ended at t in the state y with the low digits c; h: the step to
-    try next."""
+    """The grid whose last step ends at t in the state y with low digits c; h: next step to try."""
     y1, c1 = copy(grid.y1, y), copy(grid.c1, c)
     return Grid(
         grid.origin + (t - grid.t1), grid.steps, grid.rejected, grid.t0, grid.y0, grid.c0,
@@ -676,33 +665,43 @@ def cut_grid(grid, t, y, c, h):
 
 
 def not_too_far(method, system, grid, work, y, c):
-    """(lowest event function, its code, the grid with its last step no longer than the leans of the
-    rims allow); the tables are those of its end."""
+    """(lowest event function, its code, the grid with its last step cut as the tilt of rims
+    requires); the tables are those of its end.
+
+    A long step may pass straight through the flat position without a stage near it, where the
+    shorter one does not: the error of the shorter step decides whether it is short enough.
+    """
     lowest, code = level_of(system, grid.t1, grid.y1, grid.c1)
+    error, least = 0.0, 2.0 * step_of_swings(system)
     for _ in range(CUTS):
         t = end_for_rims(system, grid.t0, grid.t1)
+        if error > 1.0 and grid.t1 - grid.t0 > least:
+            t = 0.5 * (grid.t0 + grid.t1)
         if t == grid.t1:
             break
-        lowest, code = level_at(method, system, grid, t, work, y, c)
+        error = reach(method, system, grid, t, work, y, c)
+        lowest, code = level_of(system, t, y, c)
         grid = cut_grid(grid, t, y, c, grid.h)
     return lowest, code, grid
 
 
 def slip_vanishes(code):
-    """Whether the event with this code is the end of a slip or of rolling."""
+    """Whether this event is the end of a slip or of rolling."""
     kind = code % EVENT_KINDS
     return kind == SLIP_ENDS or kind == ROLL_ENDS
 
 
 def is_none(width, t):
-    """True if a span of time that ends at t is but its rounding."""
+    """Whether a span of time that ends at t is only rounding."""
     return width <= 1e-15 * max(abs(t), width)
 
 
 def locate(method, system, grid, rates, late, lowest, work, at, best):
-    """(instant before, instant after, code) of an event up to `late`, where the lowest event
-    function and its code are `lowest`, negative; best: state and low digits there, then those at
-    the instant after.  at: work space."""
+    """(instant before, instant after, code) of the first event up to `late`.
+
+    lowest: lowest event function, which is negative, and its code at `late`. best: state and low
+    digits at `late`; then those at the instant after the event. at: workspace.
+    """
     (deepest, found), (y, c) = lowest, at
     bracket, early = begin_bracket(system, grid, rates, late), grid.t0
     approach_time = APPROACH * system.length / system.speed
@@ -729,17 +728,17 @@ def locate(method, system, grid, rates, late, lowest, work, at, best):
 
 
 def half_of(method, system, grid, work, y, c):
-    """(lowest event function, its code, the grid with the first half of its last step): what is
-    searched in a step half as long takes half as many looks."""
+    """(lowest event function, its code, the grid with the first half of its last step), for a step
+    that is too long to be searched."""
     t = 0.5 * (grid.t0 + grid.t1)
     lowest, code = level_at(method, system, grid, t, work, y, c)
     return lowest, code, cut_grid(grid, t, y, c, t - grid.t0)
 
 
 def next_event(method, system, grid, work, kept, arms):
-    """(code of the first event within the last step or -1, the grid, cut there).
+    """(code of the first event within the last step or -1, the grid cut there).
 
-    kept: what the laws or errors leave open, by contact; arms: as `speed_of` takes them."""
+    kept: table of slow slips, see PUSHED; arms: as for `speed_of`."""
     y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
     lowest, code, grid = not_too_far(method, system, grid, work, y, c)
     best, low = np.empty_like(y), np.empty_like(c)
@@ -769,7 +768,7 @@ def next_event(method, system, grid, work, kept, arms):
         early, late, found = locate(
             method, system, grid, rates, late, (lowest, code), work, (y, c), (best, low)
         )
-        # what was below zero at the end of the step may have dipped below before, or another one
+        # a function negative at the end of the step, or another one, may have a dip before
         grid = cut_grid(grid, late, best, low, grid.h)
         lowest, code = level_of(system, late, grid.y1, grid.c1)
     left = late - grid.t0
@@ -785,7 +784,7 @@ def next_event(method, system, grid, work, kept, arms):
 
 
 def nearly_stopped(system):
-    """Code of the event that the slip of a contact ends, where it is as good as ended; or -1."""
+    """Code of the end of a slip that is slower than SPEED_TOLERANCE; or -1."""
     for c in range(system.contact_table.shape[0]):
         if system.contact_table[c, CLOSED] == 1.0 and system.contact_table[c, SLIDE] == SLIDING:
             slip = norm(vec(system.contact_table, c, SLIP))
@@ -795,8 +794,8 @@ def nearly_stopped(system):
 
 
 def creep_that_may_rest(system, grid):
-    """Code of the event that contacts creep so slowly that they may have come to rest, all at once;
-    or -1.  Where they have not, they are tried again now and then."""
+    """Code of the event that all creeping contacts are slow enough to stick; or -1. If they do not
+    stick, they are tried again after TRIES steps."""
     most, bound, first = fastest_creep(system)
     again = grid.steps % TRIES == 0 and most < SOON * system.creep
     return EVENT_KINDS * first + SLIP_ENDS if first >= 0 and (most < bound or again) else -1

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Reactions and motions that the laws of contact leave undetermined."""
+"""Reactions and motions that the contact laws do not determine."""
 
 from __future__ import annotations
 
@@ -31,21 +31,20 @@ from rb_sim.contact.events.instant import (
 )
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
-from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, find_held
+from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, lay_out_held
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     JAMMED,
     NORMAL_SIGN,
-    ROLL,
     SHARES,
     SLIDE,
-    SPIN,
     SPRING,
     STATIC,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.samples import Array
+from rb_sim.numerics.complementarity import EQUALITY, UNILATERAL
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
 from rb_sim.scene.compiled import Compiled
 
@@ -56,20 +55,20 @@ if TYPE_CHECKING:
     from rb_sim.numerics.cone_program import Cones
 
 
-# What the laws of contact leave open of a motion: it matters where friction does not go one way.
+# Motions that are not unique.
 #
-# How points that bear more than is needed share a load is not in the laws.  Where all rub one way,
-# or none, the motion is the same whatever the shares; where they slip in several directions, as the
-# corners of a face that spins, the friction and with it the motion depends on them.
+# If a body has more contacts than needed, the laws do not determine how these share the load. If
+# all slip in the same direction, or none slips, the motion is the same for all shares. If they slip
+# in several directions, like the corners of a spinning face, friction and motion depend on them.
 
 
 FAR = 1e6
-"""Reactions, relative to the largest of the least ones, that shares are not followed beyond."""
+"""Largest reactions that are considered, relative to the largest of the least ones."""
 HALVINGS = 30
-"""Of the span within which the bounds of the shares are passed."""
+"""Number of bisections for the bounds of the shares."""
 
 NO_SETTING = "no setting decides this; the motion from here has an error of this size"
-"""What to know where no setting would decide: of choices of the laws, and of rounding."""
+"""Advice if no setting of the method determines the motion."""
 
 
 IMPACT = "relative difference between the velocities that the impact laws allow"
@@ -79,7 +78,7 @@ PARTED = "relative difference in normal acceleration between lift-off and slip"
 
 
 def reach(cones: Cones, y: Array, way: Array) -> float:
-    """How far one may go along `way` from y within all bounds."""
+    """Largest distance along `way` from y within all bounds, at most FAR."""
     if cones.admits(y + FAR * way):
         return FAR
     inside, outside = 0.0, 1.0
@@ -93,24 +92,25 @@ def reach(cones: Cones, y: Array, way: Array) -> float:
 
 
 def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
-    """By how much other shares than y change the accelerations within all bounds, relative to the
-    largest that the loads or the reactions make; a turn counts by the scene's length."""
+    """Largest change of accelerations by other shares than y within all bounds, relative to the
+    largest by loads or reactions; angular ones count by the scene's length."""
     workspace = at.workspace
-    responses = at.inverse_mass @ workspace.W[reactions.held].T
-    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(workspace.free_accelerations) // 6)
+    responses = at.inverse_mass @ at.pushes[reactions.held].T
+    loads = workspace.free_accelerations.reshape(-1)
+    weights = np.tile([1.0] * 3 + [at.system.length] * 3, len(loads) // 6)
     terms = weights * (np.abs(responses) @ np.abs(reactions.least))
     size, ways = np.linalg.svd(weights[:, None] * (responses @ reactions.self_stress))[1:]
     if not size[0] > OPEN * terms.max():
         return 0.0
     far = max(reach(cones, y, ways[0]), reach(cones, y, -ways[0]))
-    if not far > 0.0:  # nothing is pushed, so that nothing can be shared otherwise
+    if not far > 0.0:  # there is no load to share
         return 0.0
-    own = responses @ reactions.least, workspace.free_accelerations / reactions.unit
+    own = responses @ reactions.least, loads / reactions.unit
     return float(far * size[0] / max(np.abs(weights * a).max() for a in own))
 
 
 def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> None:
-    """Keep how much the shares y of the load leave open, if it is the most of a run."""
+    """Store the non-uniqueness of the motion with the shares y, if it is the largest of the run."""
     table = at.system.contact_table
     slides_with_friction = (
         (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
@@ -122,7 +122,7 @@ def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> No
 
 
 def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:
-    """The widest choice that impacts and shares left."""
+    """The largest non-uniqueness by impacts and shares."""
     found = []
     for first, what in ((1, IMPACT), (4, OPEN_SHARES)):
         figure, t, contact = workspace.undetermined[first : first + 3].tolist()
@@ -131,8 +131,8 @@ def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:
 
 
 def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:
-    """The widest of what `search` kept: what friction has missed of a slow slip, and by
-    how much rounding has turned the lean of a rim that hardly missed flat."""
+    """The largest error in the table of slow slips (search): energy that friction on a slow slip
+    has not dissipated, and rotation of a rim's tilt by rounding."""
 
     def most(figure: int, time: int) -> tuple[float, float, str]:
         c = int(np.argmax(kept[:, figure]))
@@ -143,34 +143,36 @@ def widest_kept(kept: Array, names: Sequence[str]) -> LeftOpen:
     return max(slow, turned)
 
 
-# Shares of the reactions that a rest does not determine: within every bound, and away from it.
+# Shares of the reactions at rest.
 #
-# Contacts that hold more than is needed share the load in many ways, x = x0 + Z y, Z the states of
-# self-stress.  The kernel takes the least x; where that would pull, or rub beyond its bound, though
-# another would not, it is given the self-stress to keep: that of the largest margin (see
-# rb_sim.equilibrium.equilibrium).  As long as there is one with a margin, nothing gives.
+# With redundant contacts the reactions are x = x0 + Z y, with Z the states of self-stress. The loop
+# uses the least x. If these violate a bound although others do not, the loop is given the
+# self-stress with the largest margin (equilibrium/equilibrium). As long as there is one with a
+# margin, no contact opens or slips.
 
 
 LEAST_MARGIN = 1e-11
-"""Margin of the reactions to their bounds, relative to the largest reaction, below which a
-contact is at its bound and opens or slips."""
+"""Margin of the reactions from their bounds, relative to the largest reaction, below which a
+contact opens or slips."""
 
 
 class Reactions(NamedTuple):
-    """x = x0 + Z y on the rows that hold, over the unit of force."""
+    """x = x0 + Z y of the active rows, in the unit of force."""
 
     held: list[int]
     least: Array
     self_stress: Array
     unit: float
+    bounds: int
+    """number of friction bounds in the workspace."""
 
 
 def share_load(at: Instant, recent: bool = False) -> bool:
-    """Choose the self-stress of the contacts at rest and write it into the system's table.
+    """Choose the self-stress of the contacts at rest, and write it into SHARES.
 
-    recent: take the widest margin even where the least reactions will do.  False if there is none
-    to choose, or no margin, where something may give: shares just within all bounds stand then, and
-    the least ones where there are none.
+    recent: use the largest margin even if the least reactions are within all bounds. Returns False
+    if the reactions are unique or there is no margin, so that a contact may open or slip; then the
+    shares are just within all bounds or, if that is impossible, the least ones.
     """
     at.system.vectors[SHARES] = 0.0
     reactions = reactions_of(at)
@@ -194,13 +196,14 @@ def share_load(at: Instant, recent: bool = False) -> bool:
 
 
 def reactions_of(at: Instant) -> Reactions | None:
-    """All reactions that keep what rests at rest; None if there is just one, or no contact."""
-    count = find_held(at.system, at.workspace)
+    """All reactions of the active rows; None if they are unique, or without contacts."""
+    count, bounds = lay_out_held(at.system, at.workspace)
     if count == at.first[0]:
         return None
     held, workspace = at.workspace.used[:count].tolist(), at.workspace
-    A = workspace.J[held] @ at.inverse_mass @ workspace.W[held].T
-    b = workspace.J[held] @ workspace.free_accelerations + workspace.row_bias[held]
+    J = at.rows[held]
+    A = J @ at.inverse_mass @ at.pushes[held].T
+    b = J @ workspace.free_accelerations.reshape(-1) + workspace.row_bias[held]
     of = f"the reactions at rest at t = {at.t:.9g} s"
     require_finite(of, A, b)
     u, s, vt = singular_values(A, of)
@@ -209,46 +212,39 @@ def reactions_of(at: Instant) -> Reactions | None:
         return None
     x, null = -found.least(b), found.null
     counts = np.where(np.array(held) < at.first[0], OF_JOINTS, 1.0)
-    x -= null @ solved(counts[:, None] * null, counts * x)  # the least as `least_reactions` has it
+    x -= null @ solved(counts[:, None] * null, counts * x)  # the least ones as `least_reactions`
     unit = float(np.abs(x).max()) or 1.0
-    return Reactions(held, x / unit, null, unit)
+    return Reactions(held, x / unit, null, unit, bounds)
 
 
 def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
-    """The bounds of all contacts that hold, each measured as a normal force, on y."""
+    """The bounds of all closed contacts as conditions on y, each in units of a normal force."""
     from rb_sim.numerics.cone_program import Cones
 
-    table, where = at.system.contact_table, {k: i for i, k in enumerate(reactions.held)}
-    x, z, freedom = reactions.least, reactions.self_stress, reactions.self_stress.shape[1]
-    linear, round_ = [], []
+    table, work, freedom = at.system.contact_table, at.workspace, reactions.self_stress.shape[1]
+    count, round_ = len(reactions.held), []
 
-    def line(k: int) -> tuple[float, Array]:
-        return float(x[where[k]]), z[where[k]]
+    def line(i: int, factor: float = 1.0) -> tuple[float, Array]:
+        factor /= work.units[i]
+        return factor * float(reactions.least[i]), factor * reactions.self_stress[i]
 
-    for c, law in enumerate(at.laws):
-        if table[c, CLOSED] == 0.0:
+    linear = [line(i) for i in np.flatnonzero(work.rules[:count] == UNILATERAL).tolist()]
+    for m in range(reactions.bounds):
+        (first, second, push), limit, c = work.bounds[m], work.limits[m], work.moves[m, 0]
+        if not math.isfinite(limit):
             continue
-        k = at.first[c]
-        if law.compliant:
+        if push < 0:
             normal = float(table[c, SPRING]) / reactions.unit, np.zeros(freedom)
+            limit /= table[c, SPRING]
         else:
-            side = float(table[c, NORMAL_SIGN]) if law.bilateral else 1.0
-            normal = side * line(k)[0], side * line(k)[1]
-            linear += [] if law.bilateral else [normal]
-        for mode, bound, tails in (
-            (SLIDE, law.static, (k + 1, k + 2)),
-            (ROLL, law.rolling_arm, (k + 3, k + 4)),
-        ):
-            if table[c, mode] == STUCK and math.isfinite(bound):
-                h, g = zip(
-                    normal, *((v / bound, w / bound) for v, w in map(line, tails)), strict=True
-                )
-                round_.append((h, g))
-        if table[c, SPIN] == STUCK:
-            v, w = line(k + 5)
-            for sign in (1.0, -1.0):
-                s = sign / law.spinning_arm
-                linear.append((normal[0] + s * v, normal[1] + s * w))
+            pulls = work.rules[push] == EQUALITY and table[c, NORMAL_SIGN] < 0.0
+            normal = line(push, -1.0 if pulls else 1.0)
+        if second >= 0:
+            h, g = zip(normal, line(first, 1.0 / limit), line(second, 1.0 / limit), strict=True)
+            round_.append((h, g))
+        else:
+            v, w = line(first, 1.0 / limit)
+            linear += [(normal[0] + sign * v, normal[1] + sign * w) for sign in (1.0, -1.0)]
     return Cones(
         np.array([h for h, _ in linear]),
         np.array([g for _, g in linear]).reshape(-1, freedom),
@@ -257,14 +253,11 @@ def cones_of(at: Instant, reactions: Reactions):  # type: ignore[no-untyped-def]
     )
 
 
-# The choice of modes as a run sees it: errors instead of a status, and shares of what rests.
-
-
 OF = "the laws of contact"
 
 
 class JammedError(SimulationError):
-    """No force keeps a slipping contact from penetrating (Painleve's paradox)."""
+    """No force prevents a slipping contact from penetrating (Painleve's paradox)."""
 
     def __init__(self, t: float) -> None:
         super().__init__(f"no contact force satisfies Coulomb's law at t = {t:.9g} s")
@@ -274,16 +267,16 @@ class JammedError(SimulationError):
 def choose_modes(
     at: Instant, code: tuple[int, int] | None = None, opened: frozenset[int] = frozenset()
 ) -> tuple[int, ...]:
-    """Decide which contacts are closed, slip, stick, roll, and project y onto that.
+    """Choose the modes of all contacts, and project y onto their manifold.
 
-    code: (contact, kind) of the event that led here: what it ends does not go on; opened: contacts
-    that do not close either. Returns slipping contacts that have opened though they may as well
-    stay (their effective pivot is negative: Painleve).
+    code: (contact, kind) of the event that led here, whose mode has ended; opened: further contacts
+    that must not close. Returns slipping contacts that have opened but could as well stay closed
+    (negative effective pivot: Painleve). Raises SimulationError, JammedError.
     """
     at.workspace.opened[list(opened)] = 1
     contact, kind = code or (-1, -1)
     status = at.call(CHOOSE, at.t, at.y, (contact, kind, 0))
-    at.workspace.opened[:] = 0  # what follows in the loop may close them again
+    at.workspace.opened[:] = 0  # later events may close them again
     if status == TOO_LARGE:
         raise not_finite(OF)
     if status == JAMMED_ONES:
@@ -294,19 +287,17 @@ def choose_modes(
     return tuple(c for c in parted if at.effective_pivot(c) < JAMMED)
 
 
-# Reactions that statics alone does not determine: redundant contacts, as redundant joints are.
-#
-# Multipliers x that push without effect, W^T x = 0, may be added to any reactions; undetermined is
-# a reaction that such an x changes (a box on four corners, a table on four legs).
+# Reactions that are not unique with redundant contacts: multipliers x without effect, W^T x = 0,
+# may be added (a box on four corners, a table on four legs).
 
 
 MOST_CONTACTS = 24
-"""Points above which their modes at the start are not sought for this: heaps are for time stepping,
-and almost all of their reactions are undetermined."""
+"""Maximum number of contact points whose modes at the start are computed for this; heaps have more,
+and hardly any unique reaction."""
 
 
 def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
-    """Names of such reactions, with the contacts in their modes at the start."""
+    """Names of the reactions that are not unique in the modes at the start."""
     laws = compiled.contact_laws
     if not laws or len(laws) > MOST_CONTACTS:
         return compiled.indeterminate
@@ -314,7 +305,7 @@ def undetermined_at_start(compiled: Compiled) -> tuple[str, ...]:
     y, call = np.array(compiled.y), Tasks(system)
     try:
         choose_modes(Instant(laws, call, 0.0, y))
-    except SimulationError:  # jams at once: nothing is known of its forces
+    except SimulationError:  # jams at the start, with unknown forces
         return compiled.indeterminate
     call(WRITE, 0.0, y)
     directions = spread(system, system.force_rows)

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The rows, rules and first impulses of the contacts and joints that take part in a step."""
+"""Rows, laws and initial impulses of the active contacts and joints of a time step."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ import math
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.constraints.rows import RATE
-from rb_sim.contact.contact_graph import (
+from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
-    LIGHT_A,
-    LIGHT_B,
+    FORCE_A,
+    FORCE_B,
+    LEAST,
     PULLS,
     ROLLS,
     SPINS,
-    TURN_A,
-    TURN_B,
+    TORQUE_A,
+    TORQUE_B,
     VISCOUS,
     VISCOUS_PER_NORMAL,
     Graph,
     rate_of,
+    respond,
 )
 from rb_sim.contact.stepping.geometry import CROWDED, find_bend, straighten_crowds
 from rb_sim.contact.stepping.scene_tables import FIRST_CONSTANT, TRACTION
@@ -65,7 +67,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     keep,
 )
 from rb_sim.mechanics.contact.contact_kinematics import STUCK, torque_of
-from rb_sim.mechanics.systems.many_bodies import INVERSE, LOAD, MASS, six, state_of, vec
+from rb_sim.mechanics.systems.many_bodies import LOAD, MASS, state_of, vec
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.numerics.kernels import part, pointer
 from rb_sim.numerics.vectors import (
@@ -77,33 +79,28 @@ from rb_sim.numerics.vectors import (
     perpendicular,
     rotate,
     sub,
-    symmetric_times,
     unrotate,
 )
 
 FARTHER = 1.01
-"""Part of what could be closed in a step, with rounding, beyond which a pair is not looked at."""
+"""Gap relative to the largest approach in a step above which a pair is not examined."""
 
 
 def write_row(rows, k, bodies, B, A, b, a, force, moment, r_B, r_A):
-    """Row k: a force (world) at the arms r_B and r_A, and a moment (world), on B and back on A."""
-    turn = torque_of(B, r_B, force, moment)
-    keep(rows, k, 0, force)
-    keep(rows, k, 3, turn)
-    keep(rows, k, TURN_B, symmetric_times(six(bodies, b, INVERSE), turn))
-    rows[k, LIGHT_B], rows[k, LIGHT_A] = 1.0 / bodies[b, MASS], 0.0
+    """Write row k: a force (world) at the arms r_B and r_A, and a moment (world), on B, and the
+    opposite on A."""
+    keep(rows, k, FORCE_B, force)
+    keep(rows, k, TORQUE_B, torque_of(B, r_B, force, moment))
     for j in range(6):
-        rows[k, 6 + j] = 0.0
+        rows[k, FORCE_A + j] = 0.0
     if a >= 0:
-        back = neg(torque_of(A, r_A, force, moment))
-        keep(rows, k, 6, neg(force))
-        keep(rows, k, 9, back)
-        keep(rows, k, TURN_A, symmetric_times(six(bodies, a, INVERSE), back))
-        rows[k, LIGHT_A] = 1.0 / bodies[a, MASS]
+        keep(rows, k, FORCE_A, neg(force))
+        keep(rows, k, TORQUE_A, neg(torque_of(A, r_A, force, moment)))
+    respond(rows, k, bodies, b, a)
 
 
 def write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a):
-    """The rows of contact i of those that take part, which is point c."""
+    """Write the rows of active contact i, point c."""
     k = CONTACT_ROWS * i
     B, A = state_of(y, b), state_of(y, a)
     n, p = vec(spots, c, NORMAL), vec(spots, c, POINT)
@@ -136,10 +133,10 @@ def write_rules(
     scales, laws, bodies, slides, gap, rows, targets, rules, bends, turning, u, y, i, c, b, a, h,
     addresses, constants, scratch,
 ):  # fmt: skip
-    """Friction, compliance and the target along the normal of contact i, which is point c.
+    """Write friction, compliance and targets of active contact i, point c.
 
-    slides: its mode in the step before, negative where there was none; turning: velocities before
-    the loads; addresses, constants: of the traced laws; scratch: numbers to work with.
+    slides: its mode in the previous step, negative without one; turning: velocities without the
+    loads; addresses, constants: of the traced laws; scratch: workspace.
     """
     k, bend = CONTACT_ROWS * i, bends[i, 0]
     before = rate_of(rows, k, turning, b, a) - targets[k]
@@ -148,7 +145,7 @@ def write_rules(
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2]
     slip = math.sqrt(s1 * s1 + s2 * s2)
     stuck = slides == STUCK if slides >= 0.0 else slip <= SOLVED * scales[1]
-    rules[i, PULLS], rules[i, COMPLIANCE] = laws[c, BILATERAL], 0.0
+    rules[i, PULLS], rules[i, COMPLIANCE], rules[i, LEAST] = laws[c, BILATERAL], 0.0, 0.0
     rules[i, ROLLS], rules[i, SPINS] = laws[c, ROLLING_ARM], laws[c, SPINNING_ARM]
     rules[i, BOUND] = laws[c, STATIC] if stuck else laws[c, KINETIC]
     if laws[c, TRACTION] != 0.0:
@@ -169,9 +166,9 @@ def write_rules(
     elif is_impact(laws[c, RESTITUTION], before - bend, now - bend):
         targets[k] -= laws[c, RESTITUTION] * (before - bend)
     elif laws[c, BILATERAL] == 0.0:
-        # the way in the middle of a step over what is curved is a chord's, above its ends
+        # at the middle of a step over a curved surface the body is on a chord, above its ends
         near = nearness(scales, bodies, y, b, a, h) + 0.25 * h * max(0.0, bend)
-        # what leaves and is brought back comes back at most as fast: no work for nothing
+        # a body that leaves must not be pulled back faster than it left
         closing = bend + max(0.0, gap - near) / h
         targets[k] -= closing if bends[i, CROWDED] == 1.0 else max(closing, before)
     else:
@@ -180,9 +177,8 @@ def write_rules(
 
 
 def nearness(scales, bodies, y, b, a, h):
-    """Gap [m] that is none between bodies that move, far less than the step's own error: closing
-    the tiny gaps of many contacts exactly asks for velocities that contradict each other, and
-    impulses would grow or change places without end."""
+    """Gap [m] between moving bodies that counts as closed, far below the error of the step: the
+    velocities that close tiny gaps of many contacts exactly contradict each other."""
     length, B = scales[0], state_of(y, b)
     speed = norm(B.v_WC) + length * norm(B.w_WB_B)
     pull = norm(vec(bodies, b, LOAD)) / bodies[b, MASS]
@@ -196,12 +192,14 @@ def nearness(scales, bodies, y, b, a, h):
 
 
 def is_impact(e, before, now):
-    """What the loads alone would give in two steps is none: a body at rest does not bounce."""
+    """Whether a speed of approach is an impact: more than the loads cause in two steps, so that a
+    body at rest does not bounce."""
     return e > 0.0 and before < 0.0 and before < 2.0 * (now - before)
 
 
 def fastest_of(u, y):
-    """(largest speed, largest spin) of a body, with the loads and without, before the impulses."""
+    """(largest speed, largest angular speed) of all bodies before the impulses, with and without
+    the loads."""
     speed, spin = 0.0, 0.0
     for i in range(u.shape[0]):
         k = STATE * i
@@ -212,11 +210,10 @@ def fastest_of(u, y):
 
 
 def is_far(spots, y, c, b, a, within):
-    """True if `takes_part` is surely false: the gap is wider than what bodies no faster than this
-    can close in a step.  Most pairs of a heap are.
+    """Whether the gap is too wide to close in a step, as of most pairs of a heap.
 
-    within: (largest closing speed of two centres, largest spin, length of the step).  Takes arrays
-    one by one: handing on all tables counts their references, which costs more than the rest.
+    within: (largest closing speed of two centres, largest angular speed, length of the step). It
+    takes the arrays one by one, since counting the references of all tables would cost more.
     """
     gap, p = spots[c, GAP], vec(spots, c, POINT)
     k = STATE * b
@@ -229,7 +226,7 @@ def is_far(spots, y, c, b, a, within):
 
 
 def takes_part(spots, laws, u, y, c, b, a, h, slow):
-    """Whether point c may be reached within the step; slow: a speed that hardly counts."""
+    """Whether the gap of point c may close within the step; slow: a negligible speed."""
     gap = spots[c, GAP]
     if laws[c, BILATERAL] == 1.0 or gap <= 0.0:
         return True
@@ -246,13 +243,13 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
         before -= dot(n, add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, arm))))
     if laws[c, COMPLIANT] == 1.0 or is_impact(laws[c, RESTITUTION], before, rate):
         return gap + 0.5 * h * min(rate, 0.0) <= 0.0
-    # a body nearby may push this one: all that could close takes part
+    # other bodies may push this one: include every gap that could close
     speed = norm(vec(u, b, 0)) + norm(vec(u, a, 0)) if a >= 0 else 0.0
     return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
 
 
 def rates_of(rows, targets, u, k, b, a):
-    """Rates of the first three rows from k on at the velocities u, less their targets."""
+    """Rates of rows k to k + 2 at the velocities u, minus their targets."""
     return (
         rate_of(rows, k, u, b, a) - targets[k],
         rate_of(rows, k + 1, u, b, a) - targets[k + 1],
@@ -261,7 +258,7 @@ def rates_of(rows, targets, u, k, b, a):
 
 
 def gather(tables, memory, workspace, y, h):
-    """Write rows, rules and first impulses of the points that take part; how many."""
+    """Write rows, laws and initial impulses of the active points; returns their number."""
     found, notes = 0, workspace.notes
     ratio = h / notes[LENGTH] if notes[LENGTH] > 0.0 else 0.0
     owners, laws, bodies, scales = tables.owners, tables.laws, tables.bodies, tables.scales
@@ -296,8 +293,8 @@ def gather(tables, memory, workspace, y, h):
 
 
 def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
-    """Rules and first impulses of the n points that take part, whose rows are written; ratio:
-    length of the step h over that of the last one."""
+    """Write laws and initial impulses of the n active points, after their rows; ratio: length of
+    the step h relative to that of the last one."""
     laws, bodies, scales, notes = tables.laws, tables.bodies, tables.scales, workspace.notes
     spots, rows, targets, rules = (
         workspace.spots,
@@ -330,20 +327,14 @@ def begin_with_rules(tables, memory, workspace, y, n, h, ratio):
 
 
 def gather_joints(tables, workspace, h):
-    """Rows of the joints, and their impulses of the step before."""
+    """Write the rows of the joints, and their impulses of the previous step."""
     ratio = h / workspace.notes[LENGTH] if workspace.notes[LENGTH] > 0.0 else 0.0
     for k in range(tables.joints.shape[0]):
         b, a = tables.joints[k, 0], tables.joints[k, 1]
         for j in range(12):
             workspace.joint_rows[k, j] = tables.joint_rows[k, j]
-        turn = symmetric_times(six(tables.bodies, b, INVERSE), vec(tables.joint_rows, k, 3))
-        keep(workspace.joint_rows, k, TURN_B, turn)
-        workspace.joint_rows[k, LIGHT_B] = 1.0 / tables.bodies[b, MASS]
-        if a >= 0:
-            turn = symmetric_times(six(tables.bodies, a, INVERSE), vec(tables.joint_rows, k, 9))
-            keep(workspace.joint_rows, k, TURN_A, turn)
-            workspace.joint_rows[k, LIGHT_A] = 1.0 / tables.bodies[a, MASS]
-        # as of contacts, see `bends`: the step before has ended on the joints
+        respond(workspace.joint_rows, k, tables.bodies, b, a)
+        # a bend as of contacts (see geometry), since the previous step has ended on the joints
         bend = (
             rate_of(workspace.joint_rows, k, workspace.turning, b, a) - tables.joint_rows[k, RATE]
         )
@@ -352,7 +343,7 @@ def gather_joints(tables, workspace, h):
 
 
 def graph_of(tables, workspace, n):
-    """The graph of contacts of the solvers: the first n of the workspace, and the joints."""
+    """The graph of the first n contacts of the workspace, and of the joints."""
     return Graph(
         workspace.ends[:n],
         workspace.rows[: CONTACT_ROWS * n],

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Where the points of contact are: distance, normal and place of each.
+"""Spots: gap, normal and position of each contact point.
 
-Two boxes are looked at here, all their points at once; every other pair by the law of its kind,
-traced from the catalogue's function (`contact_laws.spot_law`) and called by its address.
+All points of two boxes are computed here at once, every other pair by the traced law of its kind
+(`contact_laws.spot_law`), called by address.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from rb_sim.catalogue.geometry.solids import boxes_touching
-from rb_sim.contact.contact_graph import rate_of
+from rb_sim.contact.problem import rate_of
 from rb_sim.contact.stepping.scene_tables import (
     BODY,
     BOXES,
@@ -68,11 +68,12 @@ from rb_sim.numerics.vectors import (
 
 FAR = 1e300
 SAME_PLACE = 0.1
-"""Of a box's edge: how far a point of contact moves at most in a step and remains the same."""
+"""Largest motion of a contact point in a step, relative to a box's edge, up to which it counts as
+the same point."""
 
 
 def put_state(out, k, B):
-    """The state of a body as a law of a pair gets it, from place k on."""
+    """Write the state of a body for the law of a pair, from index k on."""
     for j in range(3):
         out[k + j], out[k + 7 + j], out[k + 10 + j] = B.p_WC[j], B.v_WC[j], B.w_WB_B[j]
     for j in range(4):
@@ -80,7 +81,7 @@ def put_state(out, k, B):
 
 
 def spot_at(tables, scratch, e, t, B, A, out):
-    """Into `out` the SPOT numbers of entry e for these states of body and parent."""
+    """Write the SPOT numbers of entry e for these states of body and parent to `out`."""
     put_state(scratch, 0, B)
     put_state(scratch, STATE, A)
     own = part(pointer(tables.constants), tables.entries[e, CONSTANT])
@@ -88,20 +89,20 @@ def spot_at(tables, scratch, e, t, B, A, out):
 
 
 def had_impulse(memory, c):
-    """True if a normal impulse of the step acted at point c."""
+    """Whether a normal impulse acted at point c in the step."""
     return memory[c, AIM] != 0.0 or memory[c, AIM + 1] != 0.0 or memory[c, AIM + 2] != 0.0
 
 
 def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
-    """Give the points of two boxes to the slots that had them before, or to free ones; forget what
-    was in slots that have none any more."""
+    """Assign the points of two boxes to their previous slots, or to free ones; forget: clear the
+    memory of slots without a point."""
     first = tables.entries[e, FIRST]
     near = SAME_PLACE * min(tables.sizes[e, 3], min(tables.sizes[e, 4], tables.sizes[e, 5]))
     points, taken = workspace[2], workspace[3]
     for k in range(8):
         spots[first + k, GAP] = FAR
         taken[k, 0] = 0.0
-    for turn in range(2):  # first what was there before
+    for turn in range(2):  # previous points first
         for k in range(count):
             if turn == 1 and points[k, 4] == 1.0:
                 continue
@@ -110,7 +111,7 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
             best, slot = near * near, -1
             for c in range(8):
                 if taken[c, 0] == 1.0 or (turn == 1 and had_impulse(memory, first + c)):
-                    continue  # an impulse of this step is still to be told
+                    continue  # its impulse of this step is still to be reported
                 if turn == 1:
                     slot = c
                     break
@@ -135,9 +136,9 @@ def place_points(tables, memory, spots, workspace, e, count, n, B, forget):
 
 
 def find_spots(tables, memory, spots, workspace, scratch, t, y, reach, again):
-    """Fill the table of spots at (t, y); boxes that are apart by `reach` [m] have no points.
+    """Write the table of spots at (t, y); boxes farther apart than `reach` [m] have no points.
 
-    again: they have been found in this step; what was farther apart then is left as it was.
+    again: second search of a step, in which pairs that were farther apart are left out.
     """
     s, entries = tables.sizes, tables.entries
     for e in range(entries.shape[0]):
@@ -162,36 +163,36 @@ def find_spots(tables, memory, spots, workspace, scratch, t, y, reach, again):
         place_points(tables, memory, spots, workspace, e, count, n, B, not again)
 
 
-# How lines of contact turn within a step.
+# Bends: rotation of the contact normal within a step.
 #
-# What keeps touching has no velocity along the normal at the end of a step, n_1 . u = 0.  The
-# step gives its impulses in the middle, where the same velocity is n . u = -b: until the end the
-# normal turns on, and the point moves on along what is curved, by b = d(n . u)/dt h/2 at
-# constant velocity. With n . u = 0 in the middle each step would end with b, of either sign, and
-# the impulse N h of the next one, which acts on the mean of the velocities before and after it,
-# would do the work N h b/2: energy that a hollow takes and a hump gives, of first order in the
-# step.  With -b it does none but of third order (Hairer, Lubich, Wanner, *Geometric Numerical
-# Integration*, section VII.1.4).
+# A contact that stays closed has no normal velocity at the end of a step, n_1 . u = 0. The impulses
+# of the step act at its middle, where the same velocity is n . u = -b: until the end the normal
+# rotates, and the point moves along curved surfaces, which changes n . u by b = d(n . u)/dt h/2. If
+# n . u were 0 at the middle, each step would end with the velocity b, and the impulse N h of the
+# next step, which acts on the mean of the velocities before and after it, would do the work
+# N h b/2: energy lost in a hollow and gained on a hump, of first order in the step. With -b the
+# error of the energy is of third order (Hairer, Lubich, Wanner, *Geometric Numerical Integration*,
+# section VII.1.4).
 #
-# b follows from what the step before has left: its velocity at the end of it and here, half a step
-# later.  Across the normal the same holds of what sticks.  A point that jumps has another velocity
-# after it, which is no b: it is struck.
+# b is the change of the normal velocity from the end of the previous step to here, half a step
+# later. A sticking contact has the same for its tangential velocity. If a point jumps, its velocity
+# changes by more, and the contact has an impact.
 
 
 ALIKE = 0.5
-"""Of a change of velocity in half a step: how far that of the half step before it, extrapolated,
-may be from it; farther apart they are those of a point that has jumped."""
+"""Largest relative difference between the change of velocity in half a step and that extrapolated
+from the half step before; above it the point has jumped."""
 
 
 FREEDOMS, CROWD = 6.0, 1e300
-"""Of a body; mark of the bodies of a crowd."""
+"""Degrees of freedom of a body; mark of the bodies of a crowd."""
 CROWDED = 3
-"""Column of Workspace.bends: 1 of contacts between bodies of a crowd."""
+"""Column of Workspace.bends: 1 for contacts between bodies of a crowd."""
 
 
 def has_turned(memory, spots, y, c, b, h):
-    """Whether the only point of contact c, which has borne, lies in another direction from its body
-    than at the end of the last step: y is half a step later, at the velocities of that time."""
+    """Whether the only point of contact c has moved to another direction from its body b since the
+    end of the last step. y: state half a step later, with the velocities of that time."""
     B = state_of(y, b)
     now = sub(vec(spots, c, POINT), B.p_WC)
     then = sub(vec(memory, c, ANCHOR), sub(B.p_WC, scale(0.5 * h, B.v_WC)))
@@ -199,17 +200,17 @@ def has_turned(memory, spots, y, c, b, h):
 
 
 def sticks(memory, laws, c):
-    """Whether the laws tell of the velocity across the normal of point c what it will be: not where
-    it slips, since corners of a face that slips and turns bend apart and cannot all be held so."""
+    """Whether the laws determine the tangential velocity of point c: it sticks, or friction is
+    viscous."""
     return memory[c, SLIDE] == STUCK or (laws[c, TRACTION] != 0.0 and laws[c, STATIC] == 0.0)
 
 
 def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
-    """Write the change of velocity of contact i, point c, since the end of the last step, along the
-    normal and both tangents; 0 where it did not bear, has jumped, or its support gives way.
+    """Write the bend of contact i, point c: change of its velocity since the end of the last step,
+    along the normal and both tangents; 0 if it was open, has jumped, or is compliant.
 
-    rates: its relative velocity along the three, before loads and impulses; ratio: length of the
-    step h over that of the last one.
+    rates: relative velocity along the three, before loads and impulses; ratio: length of the step h
+    relative to that of the last one.
     """
     bends[i, 0] = bends[i, 1] = bends[i, 2] = 0.0
     if memory[c, CLOSED] == 0.0 or laws[c, COMPLIANT] == 1.0:
@@ -230,8 +231,8 @@ def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
 
 
 def find_crowds(laws, active, ends, held, n):
-    """Write CROWD for bodies that touch each other, of which the rows that may hold one are more
-    than its freedoms; n contacts.  What touches fixed supports alone is none, whatever holds it."""
+    """Write CROWD for groups of bodies in contact with each other in which contacts may act on a
+    body by more than six rows; n: number of contacts. A body on fixed supports only is no crowd."""
     for i in range(held.shape[0]):
         held[i] = 0.0
     for i in range(n):
@@ -253,8 +254,8 @@ def find_crowds(laws, active, ends, held, n):
 
 
 def straighten_crowds(laws, bends, active, ends, held, n):
-    """Take away the bends of the n contacts at bodies of a crowd, and mark these contacts: the laws
-    of a heap that moves are kept about, and what its bends ask for contradicts itself."""
+    """Set the bends of the n contacts of a crowd to zero, and mark these contacts: in a moving heap
+    the bends contradict each other."""
     find_crowds(laws, active, ends, held, n)
     for i in range(n):
         bends[i, CROWDED] = 1.0 if held[ends[i, 0]] == CROWD else 0.0
@@ -263,7 +264,7 @@ def straighten_crowds(laws, bends, active, ends, held, n):
 
 
 def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
-    """Keep the relative velocity of point c with rows from k on after the impulses."""
+    """Store the relative velocity of point c (rows from k on) after the impulses."""
     n, moved = vec(spots, c, NORMAL), vec(spots, c, MOVES)
     memory[c, THEN] = rate_of(rows, k, u, b, a) - dot(n, moved)
     s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)
@@ -272,7 +273,7 @@ def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
 
 
 def note_ends(tables, memory, workspace, y):
-    """Keep the relative velocities at the end of the step, of what bears."""
+    """Store the relative velocities of closed contacts at the end of the step."""
     for c in range(memory.shape[0]):
         if memory[c, CLOSED] == 0.0 or not workspace.spots[c, GAP] < 1e299:
             continue

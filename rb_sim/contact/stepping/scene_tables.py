@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""A scene with contacts as plain tables: what the kernels of time stepping see of it."""
+"""Tables of a scene with contacts for the loop of time stepping."""
 
 from __future__ import annotations
 
@@ -51,68 +51,67 @@ from rb_sim.scene.initial import MISFIT, refuse_initial
 from rb_sim.scene.pairs_of_bodies import Between, Pair, PairRows
 
 LAW, BODY, PARENT, FIRST, CONSTANT, RESTS, COLUMNS = range(7)
-"""Columns of Tables.entries: place of the law of the pair in Tables.addresses (BOXES: two boxes),
-body, parent (-1: world), first point, place of the first constant of the law in Tables.constants, 1
-where the point follows from the poses of both bodies alone."""
+"""Columns of Tables.entries: index of the law of the pair in Tables.addresses (BOXES: two boxes),
+body, parent (-1: world), first point, index of the first constant of the law in Tables.constants, 1
+if the point depends only on the poses of both bodies."""
 BOXES = 0
 RADIUS, ARM = 0, 1
-"""Columns of Tables.sizes of what is no pair of boxes: distance [m] over which the normal turns by
-1 rad where a body may pass something round, else 0; how far from its C the body's spin moves it."""
+"""Columns of Tables.sizes of a pair that is not two boxes: distance [m] over which the normal of a
+round surface turns by 1 rad, or 0; distance [m] of the contact point from the body's C."""
 SHARP = 0.05
-"""Of the scene's length: radius that corners and edges count as."""
+"""Radius of corners and edges, relative to the scene's length."""
 SIZES = 12
+"""Number of columns of Tables.sizes."""
 NEAR_WIDTH = 4
-"""Columns of Tables.near."""
+"""Number of columns of Tables.near."""
 TRACTION, FIRST_CONSTANT, ALONE, LAWS = range(PARAMETERS_WIDTH, PARAMETERS_WIDTH + 4)
-"""Columns of Tables.laws after those of contact_bodies.PARAMETERS; TRACTION: place of its law of
-traction in Tables.addresses, 0 if KINETIC bounds the friction of what slips; FIRST_CONSTANT: where
-the constants of that law begin; ALONE: whether the contact has this point only."""
+"""Columns of Tables.laws after those of contact_bodies.PARAMETERS; TRACTION: index of the law of
+traction in Tables.addresses, 0 if KINETIC bounds the friction of a slip; FIRST_CONSTANT: index of
+its first constant; ALONE: whether the contact has only this point."""
 LOADS = 0
-"""Place in Tables.addresses of the law of the effects other than gravity."""
+"""Index in Tables.addresses of the law of the effects other than gravity."""
 ROWS = RATE
-"""Place of the law of the rows of the joints in Tables.joint_laws; SETTLE, GAP, POSITION and
-VELOCITY lie as in all loops (integrate.layout), and VELOCITY also gives the impulses it takes."""
+"""Index in Tables.joint_laws of the law of the rows; SETTLE, GAP, POSITION and VELOCITY as in all
+loops (integrate/layout). The law of VELOCITY here also computes the impulses."""
 PERFECTLY_ROUGH = 1e300
-"""Coefficient of what may not slip, which is infinite elsewhere."""
+"""Coefficient of friction of a perfectly rough contact, which is infinite elsewhere."""
 
 
 class Tables(NamedTuple):
     """Constants of a scene of N bodies with E pairs that have C points of contact."""
 
     bodies: np.ndarray
-    """as MultiBody.bodies: mass, inertia, its inverse, work space; shape (N, 25)."""
+    """as MultiBody.bodies: mass, inertia, its inverse, workspace; shape (N, 25)."""
     gravity: np.ndarray
     """acceleration of each body by uniform gravity [m/s^2], shape (N, 3)."""
     entries: np.ndarray
     """integers of each pair, shape (E, COLUMNS)."""
     sizes: np.ndarray
-    """of two boxes centre and half edges of both; else RADIUS and ARM; shape (E, SIZES)."""
+    """centre and half edges of both if two boxes; else RADIUS and ARM; shape (E, SIZES)."""
     laws: np.ndarray
     """friction, restitution, compliance of each point, shape (C, LAWS)."""
     owners: np.ndarray
     """body and parent of each point, shape (C, 2)."""
     joints: np.ndarray
-    """of each row of the joints body, parent, and 1 if it depends on others, shape (n, 3)."""
+    """body, parent, and 1 if dependent, for each row of the joints; shape (n, 3)."""
     joint_rows: np.ndarray
-    """rows of the joints (see catalogue.constraints.rows), written from Python, shape (n, 16)."""
+    """rows of the joints (see catalogue/constraints/rows), shape (n, 16)."""
     scales: np.ndarray
     """length [m] and speed [m/s] of the scene."""
     near: np.ndarray = np.zeros((0, NEAR_WIDTH))
-    """of each body where it was when neighbours were looked for, and its radius [m]; (N, 4), or
-    (0, 4) where every pair that may touch has an entry."""
+    """position of each body at the last search for neighbours, and its radius [m]; (N, 4), or (0,
+    4) if every pair that may touch has a permanent entry."""
     shares: np.ndarray = np.zeros((0, 4), np.int64)
-    """of each point, those of the entries that never change among them: number of the reaction on
-    its body and on its parent, of the contact of the body and of the parent; (C, 4)."""
+    """for each point, also of permanent entries: index of the reaction on its body and on its
+    parent, and of the contact of each; (C, 4)."""
     margin: np.ndarray = np.zeros(1)
     """distance [m] below which pairs are neighbours."""
     addresses: np.ndarray = np.zeros(1, np.int64)
-    """traced laws: of the loads of all effects but gravity (0: there are none), of pairs, of
-    tractions."""
+    """traced laws: of the loads of all effects except gravity (0: none), of pairs, of tractions."""
     inputs: np.ndarray = np.zeros(1)
-    """of the law of the loads, see mechanics.inputs; the last is not used."""
+    """of the law of the loads, see mechanics/inputs; the last is not used."""
     loads: np.ndarray = np.zeros(0)
-    """what that law gives: force and torque of each body, then, where some are kept from step to
-    step, the inputs of the next step."""
+    """results of that law: force and torque on each body, then inputs carried to the next step."""
     constants: np.ndarray = np.zeros(1)
     """of the laws of pairs and tractions; the last is not used."""
     joint_laws: np.ndarray = np.zeros(VELOCITY + 1, np.int64)
@@ -124,8 +123,8 @@ class Tables(NamedTuple):
 class PointLaws:
     """The traced laws of the pairs and tractions of a scene, and their constants.
 
-    A step takes friction as a round cone, or as a force against the slip in proportion to it; the
-    law says how wide the cone is, or how large the proportion, at the slip before the step.
+    A step uses friction as a circular cone, or as a force against the slip and proportional to it;
+    the law computes the coefficient at the slip before the step.
     """
 
     def __init__(self) -> None:
@@ -136,7 +135,7 @@ class PointLaws:
         self._hulls: list[np.ndarray] = []
 
     def _placed(self, law: Any, constants: list[float]) -> tuple[int, int]:
-        """(place of the law in Tables.addresses, place of its first constant)."""
+        """(index of the law in Tables.addresses, index of its first constant)."""
         if id(law) not in self._places:
             self.laws.append(law)
             self._places[id(law)] = len(self.laws)
@@ -145,15 +144,15 @@ class PointLaws:
         return self._places[id(law)], first
 
     def of_pair(self, row: Any, in_world: bool) -> tuple[int, int]:
-        """(place of the law, of its first constant) of the pair and the carrier of a contact."""
+        """(index of the law, of its first constant) of the pair and the carrier of a contact."""
         row = with_packed_hulls(row, self._hulls)
         law = spot_law(row.pair, row.carrier, in_world)
         return self._placed(law, [value for _, value in numbers((row.pair, row.carrier))])
 
     def of_traction(self, friction_law: Any, name: str) -> tuple[int, int]:
-        """The same of a friction; zeros of one whose bound does not depend on the slip.
+        """The same for a friction law; zeros if its bound does not depend on the slip.
 
-        Raises SceneError if a step cannot take such a friction; name: of the contact.
+        Raises SceneError if time stepping does not support the law; name: of the contact.
         """
         if isinstance(friction_law, friction.BOUNDED):
             return 0, 0
@@ -164,7 +163,7 @@ class PointLaws:
         return self._tractions[friction_law]
 
     def written(self, tables: Tables) -> Tables:
-        """The tables with the laws that are known so far."""
+        """The tables with all laws so far."""
         loads = tables.addresses[:1].tolist()
         return tables._replace(
             addresses=addresses([*loads, *map(reference, self.laws)]),
@@ -183,18 +182,18 @@ def sizes_of_pair(pair: Any, length: float) -> list[float]:
 
 
 def addresses(found: Sequence[Any]) -> np.ndarray:
-    """Addresses of laws as loops take them; interpreted, the laws themselves."""
+    """Addresses of laws for loops; interpreted, the laws themselves."""
     return np.array(found, object if interpreted() else np.int64)
 
 
 SLIPS = (0.01, 1.0, 30.0)
-"""[m/s]: speeds at which a law of friction is looked at."""
+"""Speeds at which a friction law is tested [m/s]."""
 ALONG = ((1.0, 0.0, 0.0), (0.0, 0.6, -0.8), (-0.36, 0.48, 0.8))
 
 
 def refuse_traction(friction_law: Any, name: str) -> None:
-    """Raise SceneError unless the traction points against the slip, is as large in each direction,
-    and, if the contact sticks, is proportional to N."""
+    """Raise SceneError unless the traction is against the slip, equal in all directions and, if the
+    contact can stick, proportional to N."""
     for speed in SLIPS:
         sizes = []
         for along in ALONG:
@@ -212,8 +211,7 @@ def refuse_traction(friction_law: Any, name: str) -> None:
 
 
 def refused(friction_law: Any, name: str, allowed: str) -> SceneError:
-    """The error for a friction law that time stepping cannot take; allowed: what it would have to
-    be."""
+    """The error for a friction law that time stepping does not support; allowed: what it does."""
     return SceneError(
         f"got the law of friction {type(friction_law).__name__}; must be one with {allowed} for "
         "method time_stepping; event-driven methods take it",
@@ -222,7 +220,7 @@ def refused(friction_law: Any, name: str, allowed: str) -> SceneError:
 
 
 def tables_of(compiled: Compiled, laws: PointLaws) -> Tables:
-    """The tables of a scene; `laws` gets those of its points."""
+    """The tables of a scene; adds the laws of its points to `laws`."""
     system = compiled.system
     contacts = [placed for group in system.contacts for placed in group]
     boxes = {box.first: box for box in compiled.box_pairs}
@@ -253,7 +251,7 @@ def tables_of(compiled: Compiled, laws: PointLaws) -> Tables:
 def entry_of(
     row: Any, boxes: list[float] | None, in_world: bool, laws: PointLaws, length: float
 ) -> tuple[list[int], list[float]]:
-    """(LAW, CONSTANT and RESTS, sizes) of a pair; boxes: centres and half edges of two boxes."""
+    """((LAW, CONSTANT, RESTS), sizes) of a pair; boxes: centres and half edges of two boxes."""
     if boxes is not None:
         return [BOXES, 0, 0], padded(boxes, SIZES)
     law, constant = laws.of_pair(row, in_world)
@@ -262,7 +260,7 @@ def entry_of(
 
 
 def joint_ends(row_table: np.ndarray) -> np.ndarray:
-    """Body, parent, and whether a row depends on others."""
+    """Body, parent, and whether the row is dependent, for each row."""
     dependent = (row_table[:, DEPENDENT] & AMONG_ROWS) != 0
     return np.column_stack([row_table[:, :2], dependent]).astype(np.int64)
 
@@ -300,20 +298,20 @@ def write_law(row: np.ndarray, traction: tuple[int, int], law: Any) -> None:
     row[[TRACTION, FIRST_CONSTANT]] = traction
 
 
-# Tables of a scene whose bodies touch all each other: entries of the pairs that are near alone.
+# Tables of a scene with a contact `between` bodies: entries of neighbouring pairs only.
 #
-# The entries of constraints come first and stay; those of neighbours follow, in the order of their
-# bodies, so that the motion does not depend on when neighbours were looked for.
+# The entries of constraints come first and are permanent. Those of neighbours follow, in the order
+# of their bodies, so that the motion does not depend on when neighbours were searched for.
 
 
 STEPS_AHEAD = 20.0
-"""Steps at the present speed for which a list of neighbours serves, about."""
+"""Approximate number of steps at the present speed for which a list of neighbours is valid."""
 LEAST_MARGIN = 0.1
-"""Of the smallest ball about a body: margin of neighbours at rest."""
+"""Margin of neighbours at rest, relative to the smallest radius of a body."""
 
 
 class Neighbours:
-    """Which pairs are near, and where their points stand in the tables."""
+    """The neighbouring pairs, and the indices of their points in the tables."""
 
     def __init__(
         self, compiled: Compiled, between: Between, fixed: Tables, laws: PointLaws
@@ -329,13 +327,13 @@ class Neighbours:
         balls = between.radii[between.radii > 0.0]
         self._least = LEAST_MARGIN * float(balls.min())
         self._numbers: dict[int, Any] = {}
-        """of each set of points, by its identity, what `_numbers_of` gives."""
+        """results of `_numbers_of` by identity of the set of points."""
         refuse_overlaps(between, compiled.y, compiled.system.length)
         self.first: dict[tuple[str, Pair], tuple[int, int]] = {}
         """first point and number of points of each pair."""
 
     def look(self, y: np.ndarray, h: float) -> Tables:
-        """The tables with the pairs that are near at y; h: of the steps to come."""
+        """The tables with the neighbouring pairs at y; h: length of the next steps [s]."""
         fixed = self._fixed
         state = y[:-1].reshape(-1, STATE)
         speeds = np.linalg.norm(state[:, 7:10], axis=1)
@@ -373,7 +371,7 @@ class Neighbours:
         )
 
     def _numbers_of(self, made: PairRows, group: str) -> tuple[list[Any], np.ndarray]:
-        """(entries and sizes, as of `entry_of`, laws of the points) of such a pair."""
+        """(entries and sizes as in `entry_of`, laws of the points) of a pair."""
         if id(made) not in self._numbers:
             boxes, length = made.boxes, float(self._fixed.scales[0])
             rows = made.rows[:1] if boxes is not None else made.rows
@@ -390,7 +388,7 @@ class Neighbours:
     def moved(
         self, before: dict[tuple[str, Pair], tuple[int, int]], memory: np.ndarray, points: int
     ) -> np.ndarray:
-        """What points keep from step to step, where they stand now; before: where they stood."""
+        """The memory of the points in their present order; before: their previous indices."""
         out = memory_of(points)
         out[: self._points] = memory[: self._points]
         for key, (first, count) in self.first.items():
@@ -401,7 +399,7 @@ class Neighbours:
 
 
 def resized(workspace: Workspace, bodies: int, points: int, joints: int) -> Workspace:
-    """Work space for another number of points, with what the workspace has to tell."""
+    """A workspace for another number of points, with the notes of the previous one."""
     made = workspace_for(bodies, points, joints)
     for name in ("notes", "joint_x", "joint_back", "joint_summed"):
         getattr(made, name)[:] = getattr(workspace, name)
@@ -409,7 +407,7 @@ def resized(workspace: Workspace, bodies: int, points: int, joints: int) -> Work
 
 
 def refuse_overlaps(between: Between, y: np.ndarray, length: float) -> None:
-    """Raise SceneError where two bodies overlap at y, unless they may be moved apart."""
+    """Raise SceneError if two bodies overlap at y, unless project_initial separates them."""
     if between.scene.simulation.project_initial:
         return
     for group, pair in between.near(y, 0.0):
@@ -421,7 +419,7 @@ def refuse_overlaps(between: Between, y: np.ndarray, length: float) -> None:
 
 
 def least_gap(made: PairRows, B: Any, A: Any) -> float:
-    """Distance of two bodies [m], negative where they overlap."""
+    """Distance of two bodies [m], negative if they overlap."""
     if made.boxes is None:
         return min(float(touching(row.pair, B, A).gap) for row in made.rows)
     s = made.boxes

@@ -9,17 +9,19 @@
 
 """One step of bodies in contact: impulses over the step, no events (Moreau 1988; Jean 1999).
 
-Bodies move half a step at their old velocities and half at their new ones.  Between, where they
-are then, one friction problem gives the impulses of all contacts and joints at once:
+Bodies move half a step with their old velocities and half a step with the new ones. At the middle,
+one friction problem determines the impulses of all contacts and joints together:
 
-    J u+ >= -gap / h  along normals (e times the speed of approach back where it is an impact),
+    J u+ >= -gap / h  along normals (rebound with e times the speed of approach in an impact),
     Coulomb's law between impulse and slip after it,
 
-where what touches already has the velocity that is none at the end of the step (see `bends`).
+and the normal velocity of contacts that were closed becomes zero at the end of the step (bends, see
+geometry).
 
-Impacts, stick and slip are spread over the step in which they happen: order 1, but any number of
-contacts and any length of step.  What overlaps at the end is pushed apart.  The gyroscopic torque
-is taken by the implicit midpoint rule; viscous friction and compliant supports implicitly.
+Impacts, sticking and slip are spread over the step in which they happen: the method has order 1,
+but allows any number of contacts and any step. Bodies that overlap at the end are separated. The
+gyroscopic torque is integrated by the implicit midpoint rule; viscous friction and compliant
+supports are implicit as well.
 """
 
 from __future__ import annotations
@@ -29,18 +31,6 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.contact_graph import (
-    BOUND,
-    CONTACT_ROWS,
-    ENOUGH,
-    FINE,
-    LIGHT_A,
-    LIGHT_B,
-    TURN_A,
-    TURN_B,
-    add_impulse,
-    rate_of,
-)
 from rb_sim.contact.few_contacts import are_few, solve_few
 from rb_sim.contact.gauss_seidel import (
     ROUGH,
@@ -48,6 +38,20 @@ from rb_sim.contact.gauss_seidel import (
     fill_block,
     gauss_seidel,
     is_plain,
+)
+from rb_sim.contact.problem import (
+    BOUND,
+    CONTACT_ROWS,
+    ENOUGH,
+    FINE,
+    LEAST,
+    LIGHT_A,
+    LIGHT_B,
+    TURN_A,
+    TURN_B,
+    add_impulse,
+    mean_rate,
+    rate_of,
 )
 from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, speed_at
@@ -119,15 +123,16 @@ from rb_sim.numerics.vectors import (
     symmetric_times,
 )
 
-# What is left to do once the impulses are known: rest, work, modes.
+# After the solution: bodies at rest, work, modes.
 
 
 AT_BOUND = 0.9
-"""Share of the bound of friction from which on it is reached."""
+"""Fraction of the largest friction at which a perfectly rough contact counts as slipping."""
 
 
 def quieten(tables, workspace, n, h):
-    """A velocity that is but the rounding of its terms is none."""
+    """Set velocities to zero that are only rounding of their terms, so that bodies at rest do not
+    creep."""
     b, u, sizes = tables.bodies, workspace.u, workspace.before
     for i in range(b.shape[0]):
         sizes[2 * i] = h * norm(vec(b, i, LOAD)) / b[i, MASS]
@@ -144,27 +149,24 @@ def quieten(tables, workspace, n, h):
     for i in range(b.shape[0]):
         for part in range(2):
             v = vec(u, i, 3 * part)
-            if norm(v) <= SOLVED * sizes[2 * i + part]:  # what rests does not creep
+            if norm(v) <= SOLVED * sizes[2 * i + part]:
                 keep(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
 def work_done(workspace, n):
-    """Work of the contacts on the bodies [J]: impulse times mean velocity, which with the loads'
-    own is the change of kinetic energy exactly."""
-    work = 0.0
-    for i in range(n):
-        b, a = workspace.ends[i, 0], workspace.ends[i, 1]
-        for k in range(CONTACT_ROWS * i, CONTACT_ROWS * i + CONTACT_ROWS):
-            if workspace.x[k] != 0.0:
-                mean = rate_of(workspace.rows, k, workspace.turning, b, a)
-                mean += rate_of(workspace.rows, k, workspace.u, b, a)
-                work += 0.5 * workspace.x[k] * mean
+    """Work of the contacts on the bodies [J]: impulse times mean velocity, which together with the
+    work of the loads is exactly the change of kinetic energy."""
+    before, after, work = workspace.turning, workspace.u, 0.0
+    for k in range(CONTACT_ROWS * n):
+        if workspace.x[k] != 0.0:
+            b, a = workspace.ends[k // CONTACT_ROWS, 0], workspace.ends[k // CONTACT_ROWS, 1]
+            work += workspace.x[k] * mean_rate(workspace.rows, k, before, after, b, a)
     return work
 
 
 def gained_by(laws, workspace, n):
-    """Energy that rigid contacts have given in the step [J], impulse times mean velocity over their
-    supports'; by their laws they take some or none."""
+    """Energy gained in rigid contacts in the step [J]: impulse times mean velocity relative to the
+    support; by their laws it is not positive."""
     made = 0.0
     for i in range(n):
         c, b, a = workspace.active[i], workspace.ends[i, 0], workspace.ends[i, 1]
@@ -174,18 +176,16 @@ def gained_by(laws, workspace, n):
         for j in range(CONTACT_ROWS):
             k = CONTACT_ROWS * i + j
             if workspace.x[k] != 0.0:
-                mean = rate_of(workspace.rows, k, workspace.turning, b, a) + rate_of(
-                    workspace.rows, k, workspace.u, b, a
-                )
+                mean = mean_rate(workspace.rows, k, workspace.turning, workspace.u, b, a)
                 support = dot(vec(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
-                made += workspace.x[k] * (0.5 * mean - support)
+                made += workspace.x[k] * (mean - support)
     return made
 
 
 def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
-    """Whether contact i slips and has Painleve's paradox: friction against the slip that it had
-    pulls its bodies together by more than the impulse along its normal drives them apart, so that
-    several impulses fit, or none.  slow: slip that is none."""
+    """Whether contact i slips and has Painleve's paradox: friction against its slip pulls the
+    bodies together by more than the normal impulse separates them, so that there are several
+    solutions or none. slow: slip that counts as zero."""
     k, w = CONTACT_ROWS * i, blocks
     s1 = speed_at(rows, k + 1, y, b, a) - targets[k + 1] - bends[i, 1]
     s2 = speed_at(rows, k + 2, y, b, a) - targets[k + 2] - bends[i, 2]
@@ -195,15 +195,14 @@ def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
 
 
 def slips_though_rough(laws, x, k, c):
-    """Whether friction of a perfectly rough contact is at the bound that solvers set it: it would
-    lift the contact as it stops the slip, and does no more than what keeps it down, so that the
-    contact slips as with a very large coefficient."""
+    """Whether a perfectly rough contact slips, with its friction at the solver's bound: more
+    friction would lift the contact."""
     across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
     return laws[c, STATIC] >= PERFECTLY_ROUGH and across > AT_BOUND * ROUGH * abs(x[k])
 
 
 def keep_impulses(tables, memory, workspace, y, n, h):
-    """Impulses and modes of the points that took part, for the next step and for reports."""
+    """Store impulses and modes of the active points, for the next step and for samples."""
     x, laws, turned, several, rough = workspace.x, tables.laws, 0.0, 0.0, 0.0
     active, ends, spots, rules = workspace.active, workspace.ends, workspace.spots, workspace.rules
     rows, blocks, targets, u = workspace.rows, workspace.blocks, workspace.targets, workspace.u
@@ -215,12 +214,12 @@ def keep_impulses(tables, memory, workspace, y, n, h):
             turned = 1.0 if has_turned(memory, spots, y, c, b, h) else turned
         held = laws[c, BILATERAL] == 1.0 or laws[c, COMPLIANT] == 1.0
         moves = dot(vec(spots, c, NORMAL), vec(spots, c, MOVES))
-        if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved on
+        if memory[c, CLOSED] * memory[c, STAYS] != 0.0 and not held:  # its point has moved
             closing = (
                 2.0 * moves - rate_of(rows, k, workspace.turning, b, a) - rate_of(rows, k, u, b, a)
             )
             workspace.notes[STRUCK] += 0.5 * x[k] * max(0.0, closing)
-        bore = bears or memory[c, CLOSED] != 0.0  # it may have gone where it could as well push
+        bore = bears or memory[c, CLOSED] != 0.0  # the other solution may be closed
         slips = mu > 0.0 and memory[c, SLIDE] != STUCK
         if (
             slips
@@ -261,44 +260,45 @@ def keep_impulses(tables, memory, workspace, y, n, h):
     workspace.notes[ROUGH_SLIPS] += rough
 
 
-# Rebounds that would create energy.
+# Rebounds that would increase the energy.
 #
-# Newton's restitution along the normal and Coulomb's friction across it may together give more
-# energy than the impact has taken (Kane and Levinson 1985): friction works on the mean of the slips
-# before and after, which point in different directions.  There Poisson's law holds, as in
-# `events.impulses`: the normal impulse is 1 + e times what it is without a rebound; and none
-# rebounds if that # gives energy too. Energy is that of the whole impact of a body: of several
-# corners that strike at # once some may gain what others lose.
+# Newton's restitution and Coulomb's friction together may increase the energy (Kane and Levinson
+# 1985), since friction works on the mean of the slips before and after the impact, which may have
+# different directions. Then Poisson's law is used, as in `impacts`: the normal impulse is at least
+# 1 + e times that without a rebound; and no rebound if that increases the energy as well. The
+# energy is that of the whole impact of a body: if several corners hit together, some may gain what
+# others lose.
 
 
-SECANTS = 3
-"""Steps towards the rebound at which the impulse is Poisson's, which grows with it in straight
-pieces."""
 GAINS = 1e-5
-"""Work of an impact, relative to impulse times speed of rebound, above which the impact creates
-energy; solvers leave up to 1e-6, where the corners of a box press against each other by
-friction."""
-LAST, SPEED, WITHOUT, WHOLE, REBOUND_WIDTH = range(5)
-"""Of a rebound that creates energy: its impulse [N s] and speed [m/s] at the last try, the impulse
-without a rebound, and Newton's speed; 0 of others."""
+"""Work of an impact, relative to impulse times speed of rebound, above which it increases the
+energy; solvers leave up to 1e-6 if friction presses the corners of a box against each other."""
 
 
-def velocity_tolerance_of(workspace, i, c):
-    """Speed along the normal of contact i, point c, at which its surfaces stay together."""
+def support_speed(workspace, i, c):
+    """Normal speed of the support of contact i, point c."""
     return dot(vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, MOVES))
 
 
+def rebound_of(workspace, i, c):
+    """Speed of rebound of contact i, point c, by Newton's or Poisson's law."""
+    k, speed = CONTACT_ROWS * i, workspace.targets[CONTACT_ROWS * i]
+    if workspace.rules[i, LEAST] > 0.0:
+        b, a = workspace.ends[i, 0], workspace.ends[i, 1]
+        speed = rate_of(workspace.rows, k, workspace.u, b, a)
+    return speed - support_speed(workspace, i, c)
+
+
 def bounces(tables, c):
-    """True of a point that rebounds, if it is struck."""
+    """Whether point c rebounds in an impact."""
     return tables.laws[c, RESTITUTION] > 0.0 and tables.laws[c, COMPLIANT] == 0.0
 
 
 def made_in(workspace, y, i, c):
-    """(energy that friction makes at contact i, which is point c [J], that which its normal
-    impulse makes [J], what its rebound takes [J]) in an impact; zeros where it does not rebound.
-    y: before it."""
+    """(work of friction at contact i, point c, work of its normal impulse, impulse times speed of
+    rebound) in an impact [J]; zeros without a rebound. y: state before it."""
     b, a, k, across = workspace.ends[i, 0], workspace.ends[i, 1], CONTACT_ROWS * i, 0.0
-    rebound = workspace.targets[k] - velocity_tolerance_of(workspace, i, c)
+    rebound = rebound_of(workspace, i, c)
     if not rebound > 0.0 or not workspace.x[k] > 0.0:
         return 0.0, 0.0, 0.0
     for j in range(1, CONTACT_ROWS):
@@ -308,24 +308,24 @@ def made_in(workspace, y, i, c):
             )
             across += workspace.x[k + j] * (0.5 * mean - workspace.targets[k + j])
     mean = speed_at(workspace.rows, k, y, b, a) + rate_of(workspace.rows, k, workspace.u, b, a)
-    along = workspace.x[k] * (0.5 * mean - velocity_tolerance_of(workspace, i, c))
+    along = workspace.x[k] * (0.5 * mean - support_speed(workspace, i, c))
     return across, along, workspace.x[k] * rebound
 
 
 def creates(across, along, taken):
-    """Whether friction makes energy that the normal impulse does not take."""
+    """Whether the work of friction is positive and more than the normal impulse dissipates."""
     return across > 0.0 and across + along > GAINS * taken
 
 
 def add_to(total, body, made, taken):
-    """Add the energies of one point to those of a body; -1: the surroundings."""
+    """Add the energies of one point to those of a body; -1: the world."""
     if body >= 0:
         total[body, 0] += made
         total[body, 1] += taken
 
 
 def gains(total, workspace, i):
-    """Whether the impact of a body of contact i creates energy, over all points that it has."""
+    """Whether the impact of a body of contact i, over all its points, increases the energy."""
     b, a = workspace.ends[i, 0], workspace.ends[i, 1]
     return total[b, 0] > GAINS * total[b, 1] or (a >= 0 and total[a, 0] > GAINS * total[a, 1])
 
@@ -334,15 +334,14 @@ def some_rebound(tables, workspace, n):
     """Whether any contact rebounds in this step."""
     for i in range(n):
         c = workspace.active[i]
-        if bounces(tables, c) and workspace.targets[CONTACT_ROWS * i] > velocity_tolerance_of(
-            workspace, i, c
-        ):
+        if bounces(tables, c) and rebound_of(workspace, i, c) > 0.0:
             return True
     return False
 
 
-def note_gains(tables, workspace, y, n, found):
-    """Note the rebounds that create energy, and take them away; how many there are."""
+def take_gains(tables, workspace, y, n, restitution):
+    """Remove the rebounds that increase the energy; returns their number. restitution: becomes e
+    for those by Newton's law, else 0, (n,)."""
     count, total = 0, np.zeros((tables.bodies.shape[0], 2))
     for i in range(n):
         if bounces(tables, workspace.active[i]):
@@ -351,37 +350,20 @@ def note_gains(tables, workspace, y, n, found):
             add_to(total, workspace.ends[i, 1], across + along, taken)
     for i in range(n):
         c, k = workspace.active[i], CONTACT_ROWS * i
-        found[i, WHOLE] = 0.0
+        restitution[i] = 0.0
         across, along, taken = made_in(workspace, y, i, c)
         if bounces(tables, c) and creates(across, along, taken) and gains(total, workspace, i):
-            whole = workspace.targets[k] - velocity_tolerance_of(workspace, i, c)
-            found[i, LAST], found[i, SPEED], found[i, WHOLE] = workspace.x[k], whole, whole
-            workspace.targets[k] -= whole
+            if workspace.rules[i, LEAST] > 0.0:
+                workspace.rules[i, LEAST] = 0.0
+            else:
+                restitution[i] = tables.laws[c, RESTITUTION]
+                workspace.targets[k] = support_speed(workspace, i, c)
             count += 1
     return count
 
 
-def note_impulses(workspace, n, found, at):
-    """Note the normal impulses: those WITHOUT a rebound, or as LAST those of the last try."""
-    for i in range(n):
-        found[i, at] = workspace.x[CONTACT_ROWS * i]
-
-
-def aim_at_poisson(tables, workspace, n, found):
-    """Rebounds at which impulses would be 1 + e times those without, by the last try."""
-    for i in range(n):
-        c, k = workspace.active[i], CONTACT_ROWS * i
-        if found[i, WHOLE] == 0.0:
-            continue
-        more = found[i, LAST] - found[i, WITHOUT]
-        wanted = tables.laws[c, RESTITUTION] * found[i, WITHOUT]
-        speed = found[i, SPEED] * wanted / more if more > 0.0 else 0.0
-        found[i, SPEED] = min(speed, found[i, WHOLE])
-        workspace.targets[k] = velocity_tolerance_of(workspace, i, c) + found[i, SPEED]
-
-
 def fastest_of(tables, y):
-    """Speed [m/s] that no surface exceeds, or the scene's if that is more."""
+    """Upper bound of the speed of all surfaces [m/s], at least the scene's speed."""
     fastest = tables.scales[1]
     for i in range(tables.bodies.shape[0]):
         B = state_of(y, i)
@@ -390,7 +372,7 @@ def fastest_of(tables, y):
 
 
 def after_turn(q, w, h):
-    """q after the turn w h, body axes, exactly."""
+    """q after the rotation w h, body axes."""
     angle = 0.5 * h * norm(w)
     s = 0.5 * h if angle < 1e-8 else 0.5 * h * math.sin(angle) / angle
     if s * norm(w) == 0.0:
@@ -399,10 +381,10 @@ def after_turn(q, w, h):
 
 
 def spin_after(inertia, inverse, w, h):
-    """Spin after h without torque (body axes), by the implicit midpoint rule; as it was where its
-    rounds do not converge: too much turn in one step."""
+    """Angular velocity after h without torque (body axes), by the implicit midpoint rule; unchanged
+    if the iteration does not converge (too much rotation in one step)."""
     w1 = w
-    if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:  # as of all that rests in a heap
+    if w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0:
         return w
     for _ in range(GYROSCOPIC_ROUNDS):
         mean = scale(0.5, add(w, w1))
@@ -414,7 +396,7 @@ def spin_after(inertia, inverse, w, h):
 
 
 def move(y, i, d, turn, h):
-    """Move body i by h d, and turn it by h times `turn` (body axes)."""
+    """Move body i by h d and rotate it by h times `turn` (body axes)."""
     k = STATE * i
     q = after_turn((y[k + 3], y[k + 4], y[k + 5], y[k + 6]), turn, h)
     for j in range(3):
@@ -431,7 +413,7 @@ def drift(tables, y, h):
 
 
 def load_gravity(tables):
-    """Loads of uniform gravity alone."""
+    """Set the loads to those of uniform gravity."""
     b = tables.bodies
     for i in range(b.shape[0]):
         for j in range(3):
@@ -440,8 +422,8 @@ def load_gravity(tables):
 
 
 def free_velocities(tables, workspace, y, h):
-    """Velocities with the loads of h, without any reaction, into workspace.u, as in the middle of a
-    step: half of the gyroscopic torque acts before constraints do, and half after."""
+    """Write the velocities at the middle of a step without reactions to workspace.u: with all loads
+    over h, and half of the gyroscopic torque; the other half acts after the reactions."""
     b, u = tables.bodies, workspace.u
     for i in range(b.shape[0]):
         k = STATE * i
@@ -456,7 +438,7 @@ def free_velocities(tables, workspace, y, h):
 
 
 def is_quiet(tables, y):
-    """Whether all bodies are slow."""
+    """Whether all bodies are slower than QUIET."""
     for i in range(tables.bodies.shape[0]):
         B = state_of(y, i)
         speed = norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B)
@@ -466,10 +448,9 @@ def is_quiet(tables, y):
 
 
 def solve_impulses(tables, workspace, graph, x, y):
-    """Impulses of all contacts and joints; (change of the last sweep, sweeps made).
+    """Solve for the impulses of all contacts and joints; returns (residual, number of sweeps).
 
-    Shares that the laws leave open are the least ones, but in heaps; where the impulses of the step
-    before hold as they are, they are so already.
+    Impulses that are not unique are the least ones, except in heaps.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     notes[OPEN_NOW] = 0.0
@@ -487,11 +468,11 @@ def solve_impulses(tables, workspace, graph, x, y):
 
 
 def of_heap(tables, workspace, graph, x, y, rest, made):
-    """As `solve_impulses`, with any shares, after some sweeps and their last change.
+    """As `solve_impulses`, for a heap; rest, made: residual and number of sweeps so far.
 
-    A heap that rests is solved to the last digits by many sweeps and Newton's method, after which
-    some steps go without, more where they did not get there.  One that moves gets few sweeps and,
-    where they do not do, Newton's method as far as the step needs it.
+    A heap at rest is solved to rounding by many sweeps and Newton's method, not in every step. A
+    moving heap gets few sweeps and, if these do not suffice, Newton's method to the step's
+    tolerance.
     """
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     if not rest > COMPUTED_ROUNDING:
@@ -511,7 +492,7 @@ def of_heap(tables, workspace, graph, x, y, rest, made):
         if given > FINE:
             rest, given, more = proximal_newton(graph, tables.bodies, u, x, FINE)
             made += more
-        else:  # as near as Newton's method would have to come
+        else:  # within the tolerance of Newton's method
             rest = 0.0
         notes[GAVE] = max(notes[GAVE], given)
         rest = given if given > LOOSE else rest
@@ -523,25 +504,24 @@ def of_heap(tables, workspace, graph, x, y, rest, made):
 
 
 def solve_without_gain(tables, workspace, graph, x, y):
-    """As `solve_impulses`, with rebounds that create no energy."""
+    """As `solve_impulses`, with rebounds that do not increase the energy."""
     rest, made = solve_impulses(tables, workspace, graph, x, y)
     n = graph.ends.shape[0]
     if not some_rebound(tables, workspace, n):
         return rest, made
-    found = np.empty((n, REBOUND_WIDTH))
-    if note_gains(tables, workspace, y, n, found) == 0:
+    restitution = np.empty(n)
+    if take_gains(tables, workspace, y, n, restitution) == 0:
         return rest, made
     rest, more = solve_impulses(tables, workspace, graph, x, y)
-    note_impulses(workspace, n, found, WITHOUT)
-    for _ in range(SECANTS):
-        made += more
-        aim_at_poisson(tables, workspace, n, found)
+    for i in range(n):
+        if restitution[i] > 0.0:
+            workspace.rules[i, LEAST] = (1.0 + restitution[i]) * x[CONTACT_ROWS * i]
+    rest, again = solve_impulses(tables, workspace, graph, x, y)
+    made += more + again
+    if take_gains(tables, workspace, y, n, restitution) > 0:
         rest, more = solve_impulses(tables, workspace, graph, x, y)
-        note_impulses(workspace, n, found, LAST)
-    if note_gains(tables, workspace, y, n, found) > 0:
         made += more
-        rest, more = solve_impulses(tables, workspace, graph, x, y)
-    return rest, made + more
+    return rest, made
 
 
 def solve_step(tables, memory, workspace, y, h):

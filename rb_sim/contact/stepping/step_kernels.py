@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The loop of time stepping: steps in their parts, corrections at their ends, rows of samples."""
+"""The loop of time stepping: steps and their parts, corrections at their ends, rows of samples."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.spec import BodyState
-from rb_sim.contact.contact_graph import CONTACT_ROWS, add_impulse, coupled, rate_of
+from rb_sim.contact.problem import CONTACT_ROWS, add_impulse, coupled, rate_of
 from rb_sim.contact.stepping.constraint_rows import write_row
 from rb_sim.contact.stepping.geometry import FAR, find_spots, had_impulse, note_ends, spot_at
 from rb_sim.contact.stepping.scene_tables import (
@@ -84,15 +84,16 @@ from rb_sim.mechanics.systems.many_bodies import INERTIA, LOAD, MASS, six, state
 from rb_sim.numerics.kernels import call_law, entry, integers, part, pointer
 from rb_sim.numerics.vectors import add, cross, dot, norm, rotate, scale, sub, symmetric_times
 
-# Bodies that overlap after a step are moved apart, as little as can be.
+# Bodies that overlap after a step are separated by the smallest displacements.
 
 
 MARGIN = 4.0
-"""Of the deepest overlap: contacts as near as this may come to overlap when others are moved."""
+"""Contacts with a gap below this multiple of the deepest overlap are included, since they may
+overlap when bodies are displaced."""
 
 
 def deepest_overlap(tables, workspace):
-    """(least gap of the rigid contacts or 0, which point it is)."""
+    """(least negative gap of the rigid contacts, its point); (0, -1) without overlap."""
     deepest, found = 0.0, -1
     for c in range(tables.owners.shape[0]):
         if tables.laws[c, COMPLIANT] == 0.0 and workspace.spots[c, GAP] < deepest:
@@ -101,7 +102,8 @@ def deepest_overlap(tables, workspace):
 
 
 def near_normals(tables, workspace, y, margin):
-    """Write the normal rows of the rigid contacts with a gap below the margin; how many."""
+    """Write the normal rows of the rigid contacts with a gap below the margin; returns their
+    number."""
     found, none = 0, (0.0, 0.0, 0.0)
     for c in range(tables.owners.shape[0]):
         if tables.laws[c, COMPLIANT] == 1.0 or not workspace.spots[c, GAP] <= margin:
@@ -120,10 +122,8 @@ def near_normals(tables, workspace, y, margin):
 
 
 def separate(tables, workspace, y):
-    """One round: the least displacements (by mass) after which no gap is negative, to first order.
-
-    After the spots at y have been found.  True once nothing overlaps.
-    """
+    """One round: the least displacements, weighted by mass, after which no gap is negative to first
+    order. Call after the spots at y have been found. Returns whether nothing overlaps."""
     deepest, _ = deepest_overlap(tables, workspace)
     if deepest >= -COMPUTED_ROUNDING * tables.scales[0]:
         return True
@@ -149,8 +149,8 @@ def separate(tables, workspace, y):
 
 
 def shift_deepest(tables, workspace, y):
-    """Shift the pair with the deepest overlap along its normal, where a long step has gone too far
-    for the rounds of `separate` to converge.  True once nothing overlaps."""
+    """Shift the pair with the deepest overlap along its normal, if `separate` has not converged
+    after a long step. Returns whether nothing overlaps."""
     deepest, c = deepest_overlap(tables, workspace)
     if deepest >= -COMPUTED_ROUNDING * tables.scales[0]:
         return True
@@ -166,7 +166,7 @@ def shift_deepest(tables, workspace, y):
 
 
 def find_carried(tables, memory, workspace, carried):
-    """Write 1 for each body that bears on a driven support, whose work is what lifts it."""
+    """Write 1 for each body on a driven support, whose work may lift it."""
     for c in range(tables.owners.shape[0]):
         if memory[c, CLOSED] != 1.0:
             continue
@@ -176,8 +176,8 @@ def find_carried(tables, memory, workspace, carried):
 
 
 def find_supports(tables, memory, links):
-    """Write for each body the point that bears it nearest to the world, of several of its pair that
-    which pushes most; -1: none does."""
+    """Write for each body the contact point that connects it to the world by the fewest bodies, of
+    several points of a pair that with the largest impulse; -1: none."""
     for i in range(links.shape[0]):
         links[i] = -1
     changed = True
@@ -202,11 +202,11 @@ def find_supports(tables, memory, links):
 
 
 LEAST_SHARE = 0.05
-"""Of what a body is to pay with its velocity: less is not tried."""
+"""Smallest fraction of the lifted energy that is taken from a body's velocity."""
 
 
-def bears_more(tables, memory, c, more):
-    """Whether the impulse of point c stays in its cone with another one added."""
+def cone_has_room(tables, memory, c, more):
+    """Whether the impulse of point c stays in its friction cone with another one added."""
     aim, total = vec(memory, c, AIM), add(vec(memory, c, IMPULSE), more)
     if norm(aim) == 0.0:
         return False
@@ -217,7 +217,8 @@ def bears_more(tables, memory, c, more):
 
 
 def led_to_world(tables, memory, links, i, impulse, final):
-    """Whether all points between body i and the world bear an impulse on it more; final: add it."""
+    """Whether all points between body i and the world have room for a further impulse on it; final:
+    add it to them."""
     while i >= 0:
         c = links[i]
         if c < 0:
@@ -226,19 +227,20 @@ def led_to_world(tables, memory, links, i, impulse, final):
         more = impulse if on_body else scale(-1.0, impulse)
         if final:
             keep(memory, c, IMPULSE, add(vec(memory, c, IMPULSE), more))
-        elif not bears_more(tables, memory, c, more):
+        elif not cone_has_room(tables, memory, c, more):
             return False
         i = tables.owners[c, 1] if on_body else tables.owners[c, 0]
     return True
 
 
 def book_lift(tables, memory, workspace, y):
-    """What the loads lose where bodies were moved apart is work of the contacts, the last of y, and
-    counts as made by them with what they made in the step, but where driven supports lift.
+    """Account for the energy that bodies gain against the loads when they are separated.
 
-    Bodies pay for it with their velocities instead, so that they come to rest, as much as the cones
-    of the contacts that bear them to the world have room for: the impulse is part of what these are
-    reported to have given, which is the change of momenta.  Before `note_aims`.
+    Their velocities are reduced by it, so that they come to rest, as far as the friction cones of
+    the contacts that connect them to the world have room; the impulse is added to those of these
+    contacts, so that impulses still equal the change of momentum. The rest is work of the contacts
+    (last entry of y), and counts as energy made by them unless a driven support lifts the body.
+    Call before `note_aims`.
     """
     n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
     carried, links, known = np.zeros(n), np.empty(n, np.int64), False
@@ -271,52 +273,51 @@ def book_lift(tables, memory, workspace, y):
     workspace.notes[MADE] += max(0.0, made)
 
 
-# Parts of a step: where something fast meets what is round, the step is split there.
+# Parts of a step: a step is divided where a fast body meets a round surface.
 #
-# The impulses of a step go along the normals at its middle.  Where a body passes a round surface by
-# much of its radius in a step, that normal is any: the body is sent off a wrong way, or struck
-# where it would have passed.  The way of each such pair within the step is followed, straight
-# ahead, to the instant at which the two meet; a part of the step has its middle there.  In the
-# other parts, and where the two pass each other, the pair has no contact.  Heaps, whose bodies move
-# by little of their radii in a step, take whole steps.
+# The impulses of a step are along the normals at its middle. If a body moves along a round surface
+# by much of its radius within the step, that normal is arbitrary: the body would be deflected in a
+# wrong direction, or hit where it would have passed. The motion of each such pair is followed along
+# a straight line to the instant at which they meet, and a part of the step has its middle there. In
+# the other parts, and if the two pass each other, the pair has no contact. Bodies of heaps move by
+# little of their radii in a step and take whole steps.
 
 
 TURN = 0.05
-"""Part of its radius by which a body may pass a round surface in a step that is not split."""
+"""Largest motion along a round surface in a whole step, relative to its radius."""
 LOOKS, HALVINGS = 64, 40
-"""Places on the way at which a gap is looked at, at least; halvings of where it vanishes."""
+"""Minimum number of instants at which a gap is evaluated in a step, and bisections of its zero."""
 MOST_PARTS = 16
-"""Of a step; what is left then is one part, as if nothing were fast."""
+"""Maximum number of parts of a step; the rest of the step is one part."""
 LEAST_PART = 1.0 / 128.0
-"""Of what is left of a step: shorter parts are none."""
+"""Shortest part relative to the rest of the step."""
 TOUCHES, BEARS, SOON = 1e-9, 0.1, 1e-3
 """TOUCHES: gap up to which surfaces touch, relative to the length of the scene, and fraction of
-the remaining step within which a contact that meets at its begin or end counts as meeting there.
-A contact whose speed of approach or separation is at most the fraction BEARS of its own speed,
-within the fraction SOON of the step, bears; a faster one meets."""
+the remaining step within which a meeting counts as at its start or end. BEARS: a touching pair is
+in lasting contact if its speed of approach within the fraction SOON of the step is at most this
+fraction of its speed; a faster one meets."""
 FAR_ENOUGH = 4.0
-"""Times the way of the fastest surface in a step: a gap that was as large half a step ago is not
-closed in it."""
+"""A gap larger than this multiple of the motion of the fastest surface does not close in a step."""
 NEVER, PASSES = -1.0, 1e300
-"""Instants of what is not followed, and of what passes."""
+"""Values of the meeting time of a pair that is not followed, and of one that does not meet."""
 
 
 def later(B, t):
-    """Where a body is after t, at its velocities."""
+    """State of a body after the time t at constant velocities."""
     p, q = add(B.p_WC, scale(t, B.v_WC)), after_turn(B.q_WB, B.w_WB_B, t)
     return BodyState(p, q, B.v_WC, B.w_WB_B)
 
 
 def gap_at(tables, scratch, e, B, A, t):
-    """Gap of entry e after t; scratch: as of the workspace."""
+    """Gap of entry e after the time t; scratch: of the workspace."""
     out = part(pointer(scratch), 2 * STATE)
     spot_at(tables, scratch, e, 0.0, later(B, t), later(A, t), out)
     return out[GAP]
 
 
 def meeting(tables, scratch, e, B, A, h, speed, touches):
-    """When within h the gap of the pair vanishes [s]; PASSES if it does not, NEVER if one bears the
-    other, or leaves it.  speed: that the gap does not fall faster than."""
+    """Time within h at which the gap of the pair vanishes [s]; PASSES if it does not, NEVER if the
+    pair is in lasting contact or separates. speed: upper bound of the rate of the gap."""
     t, gap, soon = 0.0, gap_at(tables, scratch, e, B, A, 0.0), SOON * h
     if gap <= touches:
         falls = gap - gap_at(tables, scratch, e, B, A, soon)
@@ -340,7 +341,7 @@ def meeting(tables, scratch, e, B, A, h, speed, touches):
 
 
 def ahead(tables, y, i, h):
-    """State of body i with the velocity that it has on the mean in h, if nothing touches it."""
+    """State of body i with its mean velocity in h, without contacts."""
     B = state_of(y, i)
     if i < 0:
         return B
@@ -349,9 +350,9 @@ def ahead(tables, y, i, h):
 
 
 def find_meetings(tables, workspace, y, h, number):
-    """Write the instants at which fast pairs meet into the workspace; returns the first, or NEVER.
+    """Write the times at which fast pairs meet into the workspace; returns the first, or NEVER.
 
-    Where one of them has split the step already, all count as fast."""
+    number: of the part; all pairs count as fast after the first one."""
     sizes, entries, laws = tables.sizes, tables.entries, tables.laws
     first, far = PASSES, FAR_ENOUGH * h * fastest_of(tables, y)
     for e in range(entries.shape[0]):
@@ -375,8 +376,8 @@ def find_meetings(tables, workspace, y, h, number):
 
 
 def next_part(tables, workspace, y, left, number):
-    """Length of the next part of a step of which this is left; the workspace then has the pairs
-    without contact in it."""
+    """Length of the next part of a step, of which `left` remains; the workspace then has the pairs
+    without contact in this part."""
     first = find_meetings(tables, workspace, y, left, number)
     part, centred = left, False
     if number + 1 < MOST_PARTS and first >= 0.0:
@@ -397,22 +398,22 @@ def next_part(tables, workspace, y, left, number):
 
 
 def leave_out(workspace):
-    """The pairs that have no contact in the part are far apart."""
+    """Set the gaps of the pairs without contact in this part to FAR."""
     for c in range(workspace.meets.shape[0]):
         if workspace.meets[c] >= 0.0:
             workspace.spots[c, GAP] = FAR
 
 
 def look_again(workspace):
-    """The pairs that had no contact in the part are looked at where it ends: something else may
-    have sent them at each other."""
+    """Let the pairs without contact in this part be examined at its end, since other contacts may
+    have driven them together."""
     for c in range(workspace.meets.shape[0]):
         if workspace.meets[c] >= 0.0:
             workspace.spots[c, GAP] = 0.0
 
 
 def add_up(memory, workspace, number, last, h):
-    """Impulses of all parts so far; after the last one they are those of the step of length h."""
+    """Sum the impulses of all parts; after the last one they are those of the step of length h."""
     for c in range(memory.shape[0]):
         for j in range(3):
             before = workspace.summed[c, j] if number > 0 else 0.0
@@ -432,7 +433,7 @@ def add_up(memory, workspace, number, last, h):
         workspace.notes[LENGTH] = h
 
 
-# The kernels that Python calls: steps, whether neighbours are to be looked for, a sample's row.
+# The functions that Python calls: steps, the need of a new search for neighbours, rows of samples.
 
 
 REACH = 1e-6
@@ -441,24 +442,21 @@ scene: boxes within it are examined for contact."""
 
 
 def reach_of(tables, y, h):
-    """Distance [m] that two surfaces can lose in a step, generously."""
+    """Upper bound of the approach of two surfaces in a step [m]."""
     length = tables.scales[0]
     return min(2.0 * h * fastest_of(tables, y), length) + REACH * length
 
 
 def note_anchors(memory, workspace):
-    """Places of the points at the end of the step, where they are still there."""
+    """Store the contact points at the end of the step, if they still exist."""
     for c in range(memory.shape[0]):
         if workspace.spots[c, GAP] < 1e299:
             keep(memory, c, ANCHOR, vec(workspace.spots, c, POINT))
 
 
 def note_aims(memory, workspace, t):
-    """How far the normals along which points have pushed in the step, up to t, have turned since
-    its middle: what passes a round surface fast is sent off in a direction that is none.
-
-    The velocity that the impulse gave, times the turn, is what is wrong of it.
-    """
+    """Store the largest error of a velocity change in the step to t because a normal has rotated
+    since its middle: velocity given by the impulse times rotation of the normal."""
     for c in range(memory.shape[0]):
         given = vec(memory, c, AIM)
         if had_impulse(memory, c) and workspace.spots[c, GAP] < 1e299:
@@ -474,10 +472,10 @@ def note_aims(memory, workspace, t):
 
 
 def note_open(workspace, t):
-    """Keep what shares of a load have left open in the steps up to t, if they are the first two.
+    """Store the first non-uniqueness of contact forces that lasts two steps, up to t.
 
-    In a single one, in which a body strikes or comes to rest, the laws of a step leave open what
-    the instant itself does not.
+    In a single step, in which a body has an impact or comes to rest, the laws of the step may be
+    not unique although those of the instant are.
     """
     notes = workspace.notes
     figure = min(notes[OPEN_BEFORE], notes[OPEN_NOW])
@@ -501,7 +499,7 @@ def add_loads(tables, t, y):
 
 
 def write_joint_rows(tables, workspace, t, y):
-    """Rows of the joints at (t, y)."""
+    """Write the rows of the joints at (t, y)."""
     rows, out = tables.joint_rows, workspace.joint_out
     if rows.shape[0] == 0:
         return
@@ -514,10 +512,10 @@ def write_joint_rows(tables, workspace, t, y):
 
 
 def project_joints(tables, workspace, t, y):
-    """y with unit quaternions and on the manifold of the joints, in place, position first; the
-    impulses that bring the velocities there are added to those that do so in the step [N s].
+    """Project y onto the manifold of the joints, in place: unit quaternions, then positions, then
+    velocities, whose impulses are added to `joint_back` [N s].
 
-    A state from which the manifold is out of reach (the step was absurd) becomes NaN.
+    y becomes NaN if the projection fails, e.g. after a far too large step.
     """
     rows, out, n = tables.joint_rows, workspace.joint_out, STATE * tables.bodies.shape[0]
     if rows.shape[0] == 0:
@@ -537,13 +535,13 @@ def project_joints(tables, workspace, t, y):
 
 
 def find_all_spots(tables, memory, workspace, t, y, h, again):
-    """As `find_spots`, of what can touch within h."""
+    """As `find_spots`, for all pairs that can touch within h."""
     reach, spots, polygons = reach_of(tables, y, h), workspace.spots, workspace.polygons
     find_spots(tables, memory, spots, polygons, workspace.scratch, t, y, reach, again)
 
 
 def to_middle(tables, memory, workspace, t, y, h):
-    """Half a drift, and the loads, the rows of the joints and the spots there."""
+    """The first half of the drift; then loads, rows of the joints and spots at the middle."""
     load_gravity(tables)
     drift(tables, y, 0.5 * h)
     add_loads(tables, t + 0.5 * h, y)
@@ -553,7 +551,7 @@ def to_middle(tables, memory, workspace, t, y, h):
 
 
 def to_end(tables, memory, workspace, y, h):
-    """Impulses, the other half of the drift, and the work of the contacts in the last of y."""
+    """The impulses, the second half of the drift, and the work of the contacts (last of y)."""
     solve_step(tables, memory, workspace, y, h)
     look_again(workspace)
     drift(tables, y, 0.5 * h)
@@ -563,14 +561,14 @@ def to_end(tables, memory, workspace, y, h):
 
 
 def find_at_end(tables, memory, workspace, t, y, h):
-    """Spots at the end of a step, where the joints hold."""
+    """The spots at the end of a step, after projection onto the joints."""
     project_joints(tables, workspace, t, y)
     find_all_spots(tables, memory, workspace, t, y, h, True)
 
 
 def has_strayed(tables, y, h):
-    """Whether bodies that are no neighbours may meet in the next step of length h: one has moved
-    too far since neighbours were looked for, with what it can do in that step."""
+    """Whether bodies that are not neighbours may meet in the next step of length h, by their motion
+    since the last search for neighbours."""
     near, fastest, pull = tables.near, 0.0, 0.0
     for i in range(near.shape[0]):
         B = state_of(y, i)
@@ -593,7 +591,7 @@ def is_finite(y):
 
 
 def one_step(tables, memory, workspace, t, y, h):
-    """A step of length h from t of a scene that is all in the tables, in its parts; y in place."""
+    """A step of length h from t in its parts; y in place."""
     left, at, number = h, t, 0
     for k in range(workspace.joint_back.shape[0]):
         workspace.joint_back[k] = 0.0
@@ -606,7 +604,7 @@ def one_step(tables, memory, workspace, t, y, h):
 
 
 def one_part(tables, memory, workspace, t, y, h):
-    """A part of length h of a step, as it is a step; y in place."""
+    """A part of length h of a step; y in place."""
     to_middle(tables, memory, workspace, t, y, h)
     to_end(tables, memory, workspace, y, h)
     apart = False
@@ -631,10 +629,10 @@ def one_part(tables, memory, workspace, t, y, h):
 
 @entry
 def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memory_before):
-    """Steps number first to first + count - 1 of the grid origin + k h; y and memory in place.
+    """Take the steps first to first + count - 1 of the grid origin + k h; y and memory in place.
 
-    y_before and memory_before: as they were before the last of them.  Returns how many were taken;
-    fewer where the state is no longer finite, or neighbours have to be looked for before the next.
+    y_before, memory_before: become those before the last step. Returns the number of steps taken:
+    fewer if the state is no longer finite, or if the next step needs a new search for neighbours.
     """
     for k in range(first, first + count):
         if k > first and has_strayed(tables, y, h):
@@ -652,12 +650,12 @@ def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memor
 
 @entry
 def strayed(tables, y, h):
-    """Whether neighbours have to be looked for before a step of length h from y."""
+    """1 if a step of length h from y needs a new search for neighbours, else 0."""
     return 1 if has_strayed(tables, y, h) else 0
 
 
 def put_balance(tables, y, out, at):
-    """Kinetic energy, energy in gravity, momenta and angular momenta of all bodies."""
+    """Write kinetic energy, energy in gravity, total momentum and angular momentum."""
     kinetic, potential = 0.0, 0.0
     momentum, angular = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(tables.bodies.shape[0]):
@@ -687,7 +685,7 @@ def power_at(tables, y, c, force, torque, point):
 
 
 def put_reaction(tables, memory, members, o, joints, y, h, out, at):
-    """Force, torque about the anchor and anchor of reaction o, from the impulses of a step h."""
+    """Write force, torque about the anchor and anchor of reaction o, by impulses over a step h."""
     main = members[o, 0]
     force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if main >= 0:
@@ -706,7 +704,7 @@ def put_reaction(tables, memory, members, o, joints, y, h, out, at):
 
 
 def put_shares(tables, memory, y, c, h, out, at):
-    """Add point c of a pair of neighbours to the reactions on both its bodies, about their C."""
+    """Add point c of a pair of neighbours to the reactions on both bodies, about their C."""
     f, p = scale(1.0 / h, vec(memory, c, IMPULSE)), vec(memory, c, ANCHOR)
     free, sign = scale(1.0 / h, vec(memory, c, TWIST)), 1.0
     for side in range(2):
@@ -720,9 +718,10 @@ def put_shares(tables, memory, y, c, h, out, at):
 
 @entry
 def report(tables, memory, workspace, members, joints, y, h, out):
-    """Write the row of a sample at y after a step of length h; joints: parts that are no contacts.
+    """Write the row of a sample at y after a step of length h; joints: number of parts that are not
+    contacts.
 
-    Reactions are impulses over the step, those of contacts that are open after it among them.
+    Reactions are impulses over the step, including those of contacts that are open after it.
     """
     bodies = tables.bodies.shape[0]
     for i in range(STATE * bodies):

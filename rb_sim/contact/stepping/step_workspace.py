@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Work space of a step, the thresholds of stepping, and what a step tells."""
+"""Workspace and memory of time stepping, and the limits of its steps."""
 
 from __future__ import annotations
 
@@ -16,39 +16,41 @@ from typing import NamedTuple
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
-from rb_sim.contact.contact_graph import BLOCK, CONTACT_ROWS, RULES, WIDTH
 from rb_sim.contact.gauss_seidel import MOST_TOGETHER
+from rb_sim.contact.problem import BLOCK, CONTACT_ROWS, RULES, WIDTH
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
-"""Columns of the table of spots: distance, n, P, velocity and spin of a support that is driven."""
+"""Columns of the table of spots: gap, n, P, velocity and spin of a driven support."""
 IMPULSE, TWIST, PLACE, USED, CLOSED, SLIDE, ROLL, SPIN, ANCHOR, STAYS, AIM = (
     0, 3, 6, 9, 10, 11, 12, 13, 14, 17, 18,
 )  # fmt: skip
-"""Columns of the table of memory: impulse and its moment about P in the last step, P in the body's
-axes, whether a point of two boxes is there, modes, P at the end of the step, and whether it neither
-closes nor opens then; change of velocity that the normal impulse of the step is for its body."""
+"""Columns of the table of memory: impulse and its moment about P in the last step, P in body axes,
+whether the slot has a point of two boxes, modes, P at the end of the step, whether the contact
+neither closed nor opened, and the change of velocity of its body by the normal impulse."""
 THEN, ENDS, MEMORY = 21, 25, 29
-"""The same: velocity of the body relative to its support at P, along the normal and across it (3,
-world axes), with which the step ended, in its middle and at its end."""
+"""Further columns: velocity of the body relative to its support at P, normal and tangential (3,
+world axes), at the middle of the last step and at its end; number of columns."""
 FEW_SWEEPS = 5
-"""Sweeps of a moving heap that are made in any case."""
+"""Minimum number of sweeps for a moving heap."""
 SWEEPS, FIRST_SWEEPS = 100, 4_000
-"""At most in one step, the bound of its work; in the first, which has nothing to start from."""
+"""Maximum number of sweeps in a step, and in the first step."""
 TOO_FAR = 0.1
-"""Turn [rad] of the arm from a body to its only point of contact, in half a step in which it bears,
-above which the step is reported as too long: bearing here and then there, it is struck each
-time."""
+"""Largest rotation [rad] of the arm from a body to its only closed contact point in half a step; a
+longer step is reported, since the contact has an impact in each."""
 QUIET = 1e-3
-"""Speed, relative to the scene's, below which a heap is solved to rounding, so that it rests."""
+"""Speed relative to the scene's below which a heap is solved to rounding, so that it stays at rest.
+"""
 OFTEN, SELDOM = 0.02, 0.5
-"""Steps per squared contact from one solve of a quiet heap to rounding to the next: where it has
-been reached, and where it has not."""
+"""Steps per squared number of contacts between two solves of a quiet heap to rounding: after a
+solve that converged, and after one that did not."""
 NEAR, NEAREST, MOVES_AT = 0.1, 1e-4, 0.01
-"""Of what their loads could move bodies in a step, and of the scene's length: a gap between bodies
-that move which is left as it is; of the speed that loads give in a step, above which they move."""
+"""NEAR, NEAREST: gap between moving bodies up to which they count as touching, relative to the
+displacement by their loads in a step and to the scene's length. MOVES_AT: speed above which bodies
+move, relative to the speed that loads give in a step."""
 SEPARATION_ROUNDS, SEPARATION_SWEEPS, SHIFT_ROUNDS = 6, 60, 40
-"""Rounds of moving bodies apart, sweeps in each; rounds of shifting one pair alone after them."""
+"""Maximum number of rounds of separating bodies, of sweeps in each, and of rounds of shifting one
+pair after them."""
 GYROSCOPIC_ROUNDS = 12
 
 (
@@ -81,47 +83,45 @@ GYROSCOPIC_ROUNDS = 12
     OPEN_OF,
     NOTES,
 ) = range(28)
-"""Fields of `notes`: work of the contacts in the step [J]; change of the last sweep, sweeps;
-steps that did not converge and the worst residual, steps and sweeps of the run; length of the last
-step [s]; 1 before the first step; contacts that took part; step from which Newton's method may be
-called again; steps in which a point has turned too far,
-and in which a contact has Painleve's paradox; the most that contacts of a moving heap gave way, as
-natural map of the laws over the largest impulse; energy that went where a rigid contact bore
-already and was struck anew [J]; the largest velocity that a normal impulse gave in a direction that
-the normal has left by the end of its step [m/s], when [s], and at which point;
-energy that rigid contacts have given in the step, and that they have made in the run [J];
-steps in which a perfectly rough contact slipped;
-change of velocities that shares of a load left open in the step, relative to what impulses gave,
-at which point, and in the step before; the first of the run, when [s], and at which point."""
+"""Fields of `notes`, in order: work of the contacts in the step [J]; change in the last sweep;
+sweeps; steps that did not converge, and their largest residual; steps and sweeps of the run; length
+of the last step [s]; 1 before the first step; active contacts; step from which Newton's method may
+be called again; steps with a point that turned too far (TOO_FAR), and with Painleve's paradox;
+largest residual of a moving heap; energy dissipated in impacts of closed rigid contacts [J];
+largest velocity by an impulse along a normal that rotated [m/s], its time [s] and point; energy
+gained in rigid contacts in the step, and in the run [J]; steps in which a perfectly rough contact
+slipped; change of velocities by non-unique contact forces in the step, relative to that by all
+impulses, its point, and the same of the step before; the first one of the run, its time [s] and
+point."""
 
 
 class Workspace(NamedTuple):
-    """Work space of a step, and what it tells."""
+    """Workspace of a step, with results of the run in `notes`."""
 
     spots: np.ndarray
     """shape (C, SPOT)."""
     polygons: np.ndarray
     """shape (4, 12, 5)."""
     active: np.ndarray
-    """points that take part, shape (C,)."""
+    """active points, shape (C,)."""
     rows: np.ndarray
     """shape (CONTACT_ROWS C, WIDTH)."""
     targets: np.ndarray
     rules: np.ndarray
     bends: np.ndarray
-    """see `bends`, of the points that take part, shape (C, 4)."""
+    """bends (see geometry) of the active points, shape (C, 4)."""
     held: np.ndarray
-    """rows that hold each body, shape (N,)."""
+    """number of rows that act on each body, shape (N,)."""
     blocks: np.ndarray
     ends: np.ndarray
     x: np.ndarray
     joint_rows: np.ndarray
     joint_targets: np.ndarray
     joint_x: np.ndarray
-    """impulses of the joints, also those of the step before."""
+    """impulses of the joints; at the start of a step those of the step before."""
     joint_back: np.ndarray
-    """impulses of the joints that bring velocities back to their manifold at the end of a step:
-    their rows turn from its middle on, where `joint_x` holds them."""
+    """impulses of the joints by the projection of velocities at the end of a step, whose rows have
+    rotated since its middle."""
     joint_factor: np.ndarray
     joint_spare: np.ndarray
     u: np.ndarray
@@ -129,23 +129,23 @@ class Workspace(NamedTuple):
     turning: np.ndarray
     """velocities with the gyroscopic torque alone, shape (N, 6)."""
     before: np.ndarray
-    """coordinates kept aside, shape (13 N + 1,)."""
+    """coordinates before the corrections at the end of a step, shape (13 N + 1,)."""
     notes: np.ndarray
     """shape (NOTES,)."""
     meets: np.ndarray
-    """when fast pairs meet in the step [s], see `parts`, shape (C,)."""
+    """times at which fast pairs meet in the step [s], see step_kernels, shape (C,)."""
     summed: np.ndarray
     """impulses and twists of the parts of a step, shape (C, 6)."""
     joint_summed: np.ndarray
-    """impulses of the joints in them."""
+    """impulses of the joints in the parts of a step."""
     scratch: np.ndarray
-    """what the law of a pair or of a traction gets and gives, shape (2 STATE + SPOT,)."""
+    """arguments and results of the law of a pair or traction, shape (2 STATE + SPOT,)."""
     joint_out: np.ndarray
-    """what a law of the joints gives."""
+    """results of a law of the joints."""
 
 
 def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
-    """Work space for so many bodies, points of contact and rows of joints."""
+    """The workspace for these numbers of bodies, contact points and rows of joints."""
     together = joints if joints <= MOST_TOGETHER else 0
     notes = np.zeros(NOTES)
     notes[FRESH] = 1.0
@@ -180,5 +180,5 @@ def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
 
 
 def memory_of(points: int) -> np.ndarray:
-    """What the points of contact keep from step to step, at the start."""
+    """The initial memory of contact points."""
     return np.zeros((points, MEMORY))

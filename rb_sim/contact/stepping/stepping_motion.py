@@ -7,11 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Motion of bodies in contact under time stepping: a grid of steps and samples on the way.
+"""Motion of bodies in contact under time stepping: a grid of steps, and samples.
 
-As in `integrate.loop`, the grid does not depend on when samples are taken: a sample between two
-grid points is a step of its own from the point before it, and what contacts remember of it is
-forgotten again.
+As in `integrate.loop`, the grid does not depend on the samples: a sample between two grid points is
+a separate step from the point before it, whose effect on the memory of contacts is undone.
 """
 
 from __future__ import annotations
@@ -80,15 +79,11 @@ from rb_sim.motion.motion import Motion
 from rb_sim.numerics.vectors import add, cross, rotate, sub
 from rb_sim.scene.compiled import Compiled
 
-# The joints of a scene under time stepping: their rows, and the way back to their manifold.
-#
-# Both are laws compiled for the scene, as those of scenes without contacts.
-
 
 class Joints:
-    """The rows of the constraints of a system that are no contacts.
+    """The joints of a scene under time stepping: laws of their rows and of the projection.
 
-    system: these alone, as MultiBody, with tables of its own.
+    system: the joints alone as MultiBody, with tables of its own.
     """
 
     def __init__(self, system: Any) -> None:
@@ -119,7 +114,7 @@ class Joints:
 
     @cached_property
     def _hastened(self) -> CompiledLaws:
-        """The law of admissible velocities: y, then the impulse of each row that gives them."""
+        """The law of the projection of velocities: y, then the impulse of each row for it."""
 
         def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
             return [*self.laws.hastened(system, t, y), *system.vectors[MULTIPLIERS]]
@@ -135,7 +130,7 @@ class Joints:
         )
 
     def value(self, law: Any, t: float, y: Array, count: int) -> Array:
-        """What the law gives at (t, y), so many numbers."""
+        """The results of a law at (t, y), `count` numbers."""
         out = np.zeros((1, count))
         state = np.ascontiguousarray(y[None, : self.laws.n])
         evaluate_rows(law, np.array([t]), state, self._inputs, out)
@@ -161,18 +156,18 @@ def joint_system(system: Any, rows: int) -> MultiBody:
 
 
 def other_effects(system: Any) -> tuple[Any, ...]:
-    """The effects but gravity, whose loads the kernels know themselves."""
+    """The effects other than gravity, which the kernels compute themselves."""
     return tuple(e for e in system.effects if not isinstance(e.row, GravityRow))
 
 
 SUNK_IN_STEPS = 1e-3
-"""Depth, over the scene's length, by which a side may lie deeper than the points that touch."""
+"""Depth, over the thickness of what meets, by which a side may lie deeper than its points."""
 MOST_AT_ONCE = 4096
 """Steps in one call of a kernel, so that signals are answered."""
 
 
 class SteppedContacts(GridMotion):
-    """Bodies in contact under time stepping: no events, tables of contacts of its own."""
+    """Bodies in contact under time stepping, without events."""
 
     def __init__(self, compiled: Compiled, method: Any) -> None:
         laws = PointLaws()
@@ -204,34 +199,34 @@ class SteppedContacts(GridMotion):
 
     @property
     def unsolved_steps(self) -> int:
-        """Steps in which the solver's bound of work ended it before it had converged."""
+        """Number of steps in which the solver reached its limit before it converged."""
         return int(self._workspace.notes[UNSOLVED])
 
     @property
     def circling_steps(self) -> int:
-        """Steps too long for a contact whose only point ran around its body while it bore."""
+        """Number of steps in which the only point of a closed contact ran around its body."""
         return int(self._workspace.notes[TURNED])
 
     @property
     def restruck_energy(self) -> float:
-        """What went where a point of a rigid contact that bore already was struck anew [J]."""
+        """Energy dissipated in impacts of rigid contacts that were closed already [J]."""
         return float(self._workspace.notes[STRUCK])
 
     @property
     def made_energy(self) -> float:
-        """What rigid contacts have made, which by their laws take some or none [J]."""
+        """Energy gained in rigid contacts, which by their laws gain none [J]."""
         return float(self._workspace.notes[MADE])
 
     @property
     def astray(self) -> tuple[float, float, int]:
-        """The largest velocity that an impulse gave in a direction which the normal had left by the
-        end of its step, over the scene's speed; the time [s] and the number of the contact."""
+        """Largest velocity given by an impulse along a normal that rotated within the step,
+        relative to the scene's speed; its time [s], and index of the contact."""
         self._name_points()
         speed, t, c = self._workspace.notes[[ASTRAY, ASTRAY_AT, ASTRAY_OF]].tolist()
         return speed / float(self._tables.scales[1]), t, int(c) if c >= 0.0 else -1 - int(c)
 
     def _name_points(self) -> None:
-        """Notes of points of neighbours, whose numbers change, become -1 - the contact's."""
+        """Replace indices of points of neighbours in the notes, which change, by -1 - contact."""
         notes = self._workspace.notes
         for figure, of in ((ASTRAY, ASTRAY_OF), (OPEN, OPEN_OF)):
             c = int(notes[of])
@@ -240,7 +235,7 @@ class SteppedContacts(GridMotion):
 
     @property
     def left_open(self) -> LeftOpen:
-        """By how much shares of a load left the motion open, when first."""
+        """The first non-uniqueness of contact forces that changes the motion."""
         self._name_points()
         figure, t, c = self._workspace.notes[[OPEN, OPEN_AT, OPEN_OF]].tolist()
         if figure == 0.0:
@@ -250,34 +245,34 @@ class SteppedContacts(GridMotion):
 
     @property
     def swept_contacts(self) -> float:
-        """Sweeps of the solver so far, times the contacts that are near now: its work."""
+        """Sweeps of the solver so far times the number of active contacts now."""
         return float(self._workspace.notes[ALL_SWEEPS] * self._workspace.notes[ACTIVE])
 
     @property
     def paradox_steps(self) -> int:
-        """Steps in which a contact that slips has Painleve's paradox."""
+        """Number of steps in which a slipping contact has Painleve's paradox."""
         return int(self._workspace.notes[SEVERAL])
 
     @property
     def slipping_steps(self) -> int:
-        """Steps in which a perfectly rough contact slipped."""
+        """Number of steps in which a perfectly rough contact slipped."""
         return int(self._workspace.notes[ROUGH_SLIPS])
 
     @property
     def solver_residual(self) -> float:
-        """The worst residual of a step's friction problem, relative to its largest impulse: change
-        of an impulse in the last sweep, or the natural map after Newton's method; 0 of a heap that
-        moves where its laws are kept as well as they have to be, which `solver_give` tells."""
+        """Largest residual of a step's contact problem relative to its largest impulse: change of
+        an impulse in the last sweep, or natural map after Newton's method; 0 for a moving heap
+        whose residual, `solver_give`, is within its tolerance."""
         return float(self._workspace.notes[WORST])
 
     @property
     def solver_give(self) -> float:
-        """How far the law of a contact of a moving heap was left at most: natural map relative to
-        the largest impulse of its step, beyond what `solver_residual` tells."""
+        """Largest residual of a contact law in a moving heap: natural map relative to the largest
+        impulse of its step."""
         return float(self._workspace.notes[GAVE])
 
     def reset(self, y: Any = None, time: float = 0.0) -> None:
-        """As Motion.reset, with workspace and memory of the contacts made anew."""
+        """As Motion.reset, with new workspace and memory of the contacts."""
         super().reset(y, time)
         self._take_inputs(fresh=True)
         if self._near is not None:
@@ -288,12 +283,12 @@ class SteppedContacts(GridMotion):
         self._memory, self._memory_before = memory_of(points), memory_of(points)
 
     def _look(self, y: Array) -> None:
-        """Tables with the pairs of bodies that are near at y."""
+        """Update the tables with the neighbouring pairs at y."""
         assert self._near is not None
         self._tables = self._near.look(y, self.method.step)
 
     def _look_around(self, y: Array) -> None:
-        """Look for neighbours if those that are known do not serve for the next step from y."""
+        """Search for neighbours if the present list is not valid for the next step from y."""
         near = self._near
         if near is None or not np.isfinite(y).all():
             return
@@ -309,7 +304,8 @@ class SteppedContacts(GridMotion):
         self._workspace = resized(self._workspace, *sizes)
 
     def reset_beside(self, run: Motion, y: Any, time: float) -> None:
-        """Also which contacts bear and how they move: struck anew, they would lose energy first."""
+        """As Motion, with the memory of the contacts: without it, closed contacts would have
+        impacts and lose energy."""
         super().reset_beside(run, y, time)
         assert isinstance(run, SteppedContacts)
         if self._near is not None and run._near is not None:
@@ -325,7 +321,7 @@ class SteppedContacts(GridMotion):
         self._take_inputs()
 
     def _take_inputs(self, *, fresh: bool = False) -> None:
-        """Commands and tables from now on; fresh: what is kept from step to step begins anew."""
+        """Update the inputs of the laws; fresh: reset those that are carried from step to step."""
         self._others = other_effects(self.system)
         if self._others:
             system, kept = self.system._replace(effects=self._others), self.kept
@@ -335,7 +331,7 @@ class SteppedContacts(GridMotion):
 
     @property
     def kept(self) -> Array:
-        """As Motion.kept: those inputs of the laws that are kept from step to step."""
+        """As Motion.kept: inputs of the laws that are carried from step to step."""
         return self._fixed.inputs[self._kept_inputs]
 
     @kept.setter
@@ -343,11 +339,11 @@ class SteppedContacts(GridMotion):
         self._fixed.inputs[self._kept_inputs] = values
 
     def run_to(self, times: Any, out: Array | None = None) -> int:
-        """As Motion; also SimulationError where a side sinks into a support unseen."""
+        """As Motion; also raises SimulationError if a side sinks into a support."""
         return run_looking(self, super().run_to, self._sides, times, out, SUNK_IN_STEPS)
 
     def warm(self) -> None:
-        """Compile everything that `run_to` will call: a step, of which nothing is kept."""
+        """Compile everything that `run_to` calls, by a step that is undone."""
         self.sample()
         kept = self._kept()
         self._one_step(self._memory.copy(), self._grid.t1, self._grid.y1.copy(), self.method.step)
@@ -356,7 +352,7 @@ class SteppedContacts(GridMotion):
     # the grid
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
-        """Steps to each of the times in turn, and samples there."""
+        """Take steps to each of the times, and sample there."""
         for i, t in enumerate(times):
             while self._grid.t1 < t - ULPS * abs(t):
                 self._advance(float(t), stop)
@@ -364,7 +360,7 @@ class SteppedContacts(GridMotion):
             self.time = float(t)
 
     def _advance(self, t: float, stop: float) -> None:
-        """Grid steps until t or beyond; the last one ends at `stop` if it would cross it."""
+        """Take grid steps to t or beyond; the last one ends at `stop` if it would cross it."""
         grid, step = self._grid, self.method.step
         y, before = grid.y1, np.array(grid.y1)
         self._look_around(y)
@@ -381,7 +377,7 @@ class SteppedContacts(GridMotion):
             self._memory_before,
         )  # fmt: skip
         if np.isfinite(y).all():
-            count = done  # or fewer: neighbours have to be looked for
+            count = done  # or fewer, if a new search for neighbours is needed
         start = origin + (number + done - 1) * h
         if math.isinf(end):
             end = origin + (number + done) * h
@@ -406,7 +402,7 @@ class SteppedContacts(GridMotion):
         self._grid = self._grid._replace(y=y)
 
     def _between(self, t: float, out: Array | None) -> Array:
-        """A step from t0 to t that leaves no trace."""
+        """The state at t and its sample, by a step from t0 that is undone."""
         grid, kept = self._grid, self._kept()
         y, memory = np.array(grid.y0), self._memory_before.copy()
         self._one_step(memory, grid.t0, y, t - grid.t0)
@@ -416,7 +412,7 @@ class SteppedContacts(GridMotion):
         return y
 
     def _tried(self, t: float, y: Array, out: Array) -> None:
-        """A sample before the first step: forces of a step that is tried and forgotten."""
+        """A sample before the first step, with the forces of a step that is undone."""
         kept = self._kept()
         moved, memory, h = y.copy(), self._memory_before.copy(), self.method.step
         self._one_step(memory, t, moved, h)
@@ -445,7 +441,7 @@ class SteppedContacts(GridMotion):
     # samples
 
     def _sample(self, memory: Array, t: float, y: Array, h: float, out: Array) -> None:
-        """The row of a sample at (t, y), with the impulses in `memory` over h."""
+        """Write the row of a sample at (t, y), with the impulses in `memory` over h."""
         members, joints = self.system.members, len(self.system.constraints)
         step_kernels.report(self._tables, memory, self._workspace, members, joints, y, h, out)
         at = 13 * len(self.layout.bodies) + 9 * len(self.layout.reactions)
@@ -460,7 +456,7 @@ class SteppedContacts(GridMotion):
             self._sample_joints(t, y, h, out, at)
 
     def _sample_joints(self, t: float, y: Array, h: float, out: Array, at: int) -> None:
-        """Reactions of joints, their power where they are driven, and how well they hold."""
+        """Write reactions of joints, power of driven ones, and the constraint violation."""
         assert self._joints is not None
         system = self._joints.system
         system.rows[...] = self._joints.rows(t, y)

@@ -304,7 +304,7 @@ class BagSink:
 
     def _write_latched(self, file: BagFile, time: int) -> None:
         for channel, data in self._latched.items():
-            file.write(channel, time, self._sample, data)
+            file.add_message(channel, time, self._sample, data)
 
     def note_state(self, state: str, stamp: int = 0) -> None:
         """Record a change of the node's state (runs of the command line have none).
@@ -319,7 +319,7 @@ class BagSink:
             self._state_channel = self._add_channel(self._file, name, STRING, LATCHED)
         data = self._latched[self._state_channel] = cdr.string(state)
         time = self._base + max(stamp, self._last_stamp)
-        self._file.write(self._state_channel, time, self._sample, data)
+        self._file.add_message(self._state_channel, time, self._sample, data)
 
     def write(self, block: SampleBlock) -> None:
         """Append the samples of `block`; an empty block only flushes pending messages when due.
@@ -367,13 +367,13 @@ class BagSink:
             self._base += max(0, self._last_stamp - stamp)
             for event in events.get(first, ()):
                 own_time = self._base + min(stamp_of(event.t), stamp)
-                file.write(self._events, own_time, self._sample, event_message(event))  # type: ignore[arg-type]
+                file.add_message(self._events, own_time, self._sample, event_message(event))  # type: ignore[arg-type]
             end = min(borders[bisect_right(borders, first)], first + file.room // width + 1)
             times = self._base + stamps[first:end]
             assert file.first is not None  # the latched messages are in it
             times = times[: max(1, int(np.searchsorted(times - file.first, self._split_after)))]
             part = Rows(data[first : first + len(times)], bounds)
-            file.write_rows(self._channels, times, self._sample, part)
+            file.add_rows(self._channels, times, self._sample, part)
             first += len(times)
             self._sample += len(times)
             self._last_stamp = int(times[-1]) - self._base
@@ -385,7 +385,7 @@ class BagSink:
             name, ros_type = self._input_table.topics[topic]
             channel = self._add_channel(file, f"{self._namespace}/{name}", ros_type)
             self._inputs[topic] = channel
-        file.write(self._inputs[topic], log_time, self._sample, data)
+        file.add_message(self._inputs[topic], log_time, self._sample, data)
 
     def _finish_full(self) -> None:
         self.close(None)

@@ -128,7 +128,7 @@ LONGEST_HEAD = SHORTEST_HEAD + 8
 
 WRONG_CHECKSUM = "its checksum is wrong"
 NOT_DECOMPRESSED = "it cannot be decompressed"
-NO_DECOMPRESSOR = "its compression is none of zstd and lz4"
+NO_DECOMPRESSOR = "its compression is neither zstd nor lz4"
 REASONS = (WRONG_CHECKSUM, NOT_DECOMPRESSED, NO_DECOMPRESSOR)
 
 

@@ -20,7 +20,7 @@ import fcntl
 import os
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from typing import Any
 import yaml
 from mcap.records import Channel
 
-from rb_sim.io.bag.writer import McapWriter, Rows
+from rb_sim.io.bag.writer import McapWriter
 
 # Drafts: the open chunk is written as if it ended now, so that a killed process loses little.
 #
@@ -38,7 +38,7 @@ from rb_sim.io.bag.writer import McapWriter, Rows
 
 
 PERIOD = 0.5
-"""[s] of wall-clock time after which a pending message is written as a draft."""
+"""[s] of wall-clock time between drafts."""
 
 # Output file that appends whole records, also when the disk is full.
 #
@@ -214,8 +214,8 @@ class BagFile(McapWriter):
         self._qos: list[list[Any]] = []
         """profiles of each channel."""
         self._schema_of: dict[tuple[str, bytes], int] = {}
-        self._pending: float | None = None
-        """wall-clock time [s] since which a message of the open chunk is in no draft."""
+        self._drafted = 0, time.monotonic()
+        """number of messages at the last draft, and its wall-clock time [s]."""
         self.start(profile="ros2", library=library)
 
     @property
@@ -231,7 +231,7 @@ class BagFile(McapWriter):
     def add_channel(
         self, topic: str, ros_type: str, schema: bytes, type_hash: str, qos: list[Any] | None = None
     ) -> int:
-        """Add a topic; returns the channel number for `write`."""
+        """Add a topic; returns the channel number of its messages."""
         key = ros_type, schema
         if key not in self._schema_of:
             self._schema_of[key] = self.register_schema(ros_type, "ros2msg", schema)
@@ -242,29 +242,13 @@ class BagFile(McapWriter):
         }
         return self.register_channel(topic, "cdr", self._schema_of[key], metadata)
 
-    def write(self, channel: int, time: int, sequence: int, data: bytes) -> None:
-        """Write one message. time: [ns] since the epoch; sequence: number of the sample."""
-        self.add_message(channel, time, sequence, data)
-        self._wait()
-
-    def write_rows(self, channels: Sequence[int], times: Any, sequence: int, rows: Rows) -> None:
-        """Write messages on each channel, row by row; `times` [ns] and sequence increase."""
-        self.add_rows(channels, times, sequence, rows)
-        self._wait()
-
-    def _wait(self) -> None:
-        if self._pending is None and self.waiting:
-            self._pending = time.monotonic()
-
-    def _end_chunk(self) -> None:
-        super()._end_chunk()
-        self._pending = None
-
     def keep(self) -> None:
-        """Write a draft if a message has been pending for PERIOD; to be called regularly."""
-        if self._pending is not None and time.monotonic() - self._pending >= PERIOD:
+        """Write a draft of messages that are in none, PERIOD after the last one; to be called
+        regularly."""
+        now = time.monotonic()
+        if self.waiting and self.count > self._drafted[0] and now - self._drafted[1] >= PERIOD:
             self.stream.write_draft(self.draft())
-            self._pending = None
+            self._drafted = self.count, now
 
     def _remove_older(self) -> None:
         """Delete later files of an older bag, which would otherwise seem to continue this one."""

@@ -448,7 +448,7 @@ def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
     order = [(int(m.start[k]), number, k) for number, m in known for k in range(len(m.start))]
     for _, number, k in sorted(order):
         m = batch[number]
-        file.write(channels[number], int(m.log_time[k]), int(m.sequence[k]), m.data(k))
+        file.add_message(channels[number], int(m.log_time[k]), int(m.sequence[k]), m.data(k))
 
 
 def _copy_files(scan: Scan, copied: _Copied, metadata: int, attachments: int) -> tuple[int, int]:

@@ -167,39 +167,27 @@ class RowReader:
             yield start, k, self._input_table.read(topic, messages.data(i), 0)
 
     def _whole(self) -> Rows | None:
-        """The samples whose messages are all there; the others stay buffered."""
+        """The samples whose messages are all there; messages of later ones stay buffered."""
         if not all(self._waiting):
             return None
         joined = [
-            (np.concatenate([s for s, _ in parts]), np.concatenate([r for _, r in parts]))
-            for parts in self._waiting
+            _increasing(*map(np.concatenate, zip(*parts, strict=True))) for parts in self._waiting
         ]
-        if (common := _alike([number for number, _ in joined])) is not None:
-            return self._cut(common, {
-                topic.name: rows[: len(common)]
-                for topic, (_, rows) in zip(self._topics, joined, strict=True)
-            }, joined)  # fmt: skip
-        common = reduce(np.intersect1d, [number for number, _ in joined])
+        last = min(int(number[-1]) for number, _ in joined)
+        heads = [number[: np.searchsorted(number, last, "right")] for number, _ in joined]
+        common = heads[0]
+        alike = all(np.array_equal(head, common) for head in heads)
+        if not alike:
+            common = reduce(np.intersect1d, heads)
         if not len(common):
             return None
-        data = {}
-        for topic, (number, rows) in zip(self._topics, joined, strict=True):
-            number, first = np.unique(number, return_index=True)
-            data[topic.name] = rows[first[np.isin(number, common, assume_unique=True)]]
-        return self._cut(common, data, joined)
-
-    def _cut(
-        self,
-        common: np.ndarray,
-        data: dict[str, np.ndarray],
-        joined: list[tuple[np.ndarray, np.ndarray]],
-    ) -> Rows:
-        """The samples `common` with preceding inputs and events; later messages stay."""
         last = int(common[-1])
-        self._waiting = [
-            [(number[later], rows[later])] if (later := number > last).any() else []
-            for number, rows in joined
-        ]
+        data = {}
+        for i, (number, rows) in enumerate(joined):
+            place = slice(len(common)) if alike else np.searchsorted(number, common)
+            data[self._topics[i].name] = rows[place]
+            later = number > last
+            self._waiting[i] = [(number[later], rows[later])] if later.any() else []
         events = [(k, event) for k, event in self._events if k <= last]
         self._events = [(k, event) for k, event in self._events if k > last]
         inputs = [
@@ -211,19 +199,12 @@ class RowReader:
         return Rows(common, data, events, inputs)
 
 
-def _alike(numbers: list[np.ndarray]) -> np.ndarray | None:
-    """Sample numbers that all topics share, in order, up to the least last one; else None."""
-    last = min(int(number[-1]) for number in numbers)
-    first = numbers[0]
-    count = int(np.count_nonzero(first <= last))
-    if not count or not (first[1:] > first[:-1]).all():
-        return None
-    common = first[:count]
-    same = all(
-        np.array_equal(number[:count], common) and (number[count:] > last).all()
-        for number in numbers
-    )
-    return common if same else None
+def _increasing(number: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Messages in the order of their samples, the first of each sample."""
+    if (number[1:] > number[:-1]).all():
+        return number, rows
+    number, first = np.unique(number, return_index=True)
+    return number, rows[first]
 
 
 UNREADABLE = "damaged: the record of the simulation cannot be read"

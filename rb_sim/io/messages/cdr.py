@@ -17,7 +17,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-# Fields and type hashes of the ROS 2 message types that rb_sim publishes and records.
+# Fields of the ROS 2 message types that rb_sim publishes, records or reads, and the type hashes of
+# those that it records.
 #
 # They are stored here because bags contain them and are written without ROS. The definitions hold
 # only the fields; the hashes (RIHS01, REP 2016) are those of ROS 2 Jazzy.
@@ -52,6 +53,10 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "geometry_msgs/msg/Point": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Pose": ("Point position", "Quaternion orientation"),
     "geometry_msgs/msg/PoseWithCovariance": ("Pose pose", "float64[36] covariance"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (
+        "std_msgs/Header header",
+        "PoseWithCovariance pose",
+    ),
     "geometry_msgs/msg/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
     "geometry_msgs/msg/Transform": ("Vector3 translation", "Quaternion rotation"),
     "geometry_msgs/msg/TransformStamped": (
@@ -61,12 +66,25 @@ FIELDS: dict[str, tuple[str, ...]] = {
     ),
     "geometry_msgs/msg/Twist": ("Vector3 linear", "Vector3 angular"),
     "geometry_msgs/msg/TwistWithCovariance": ("Twist twist", "float64[36] covariance"),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": (
+        "std_msgs/Header header",
+        "TwistWithCovariance twist",
+    ),
     "geometry_msgs/msg/Vector3": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/msg/Wrench": ("Vector3 force", "Vector3 torque"),
     "sensor_msgs/msg/CompressedImage": (
         "std_msgs/Header header",
         "string format",
         "uint8[] data",
+    ),
+    "sensor_msgs/msg/Imu": (
+        "std_msgs/Header header",
+        "geometry_msgs/Quaternion orientation",
+        "float64[9] orientation_covariance",
+        "geometry_msgs/Vector3 angular_velocity",
+        "float64[9] angular_velocity_covariance",
+        "geometry_msgs/Vector3 linear_acceleration",
+        "float64[9] linear_acceleration_covariance",
     ),
     "std_msgs/msg/ColorRGBA": ("float32 r", "float32 g", "float32 b", "float32 a"),
     "std_msgs/msg/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
@@ -385,17 +403,6 @@ def read_string(data: bytes) -> str:
     return Cursor(data, "std_msgs/msg/String").text()
 
 
-def read_joint_state(data: bytes) -> tuple[int, list[str], tuple[float, ...]]:
-    """Stamp [ns], names and positions of a sensor_msgs/JointState. Raises ValueError otherwise."""
-    if data[: len(HEADER)] != HEADER:
-        raise ValueError("not CDR, little endian")
-    cursor = Cursor(data, "sensor_msgs/msg/JointState")
-    stamp = cursor.stamp()
-    cursor.text()
-    names = [cursor.text() for _ in range(cursor.count())]
-    return stamp, names, cursor.doubles()
-
-
 def read_diagnostic(data: bytes) -> tuple[int, str, str, dict[str, str]]:
     """The arguments of `diagnostic`. Raises ValueError for other messages."""
     cursor = Cursor(data, "diagnostic_msgs/msg/DiagnosticArray")
@@ -435,12 +442,6 @@ class Cursor:
     def count(self) -> int:
         """The length of the next sequence."""
         return _COUNT.unpack_from(self._data, self.take(4, 4))[0]
-
-    def doubles(self) -> tuple[float, ...]:
-        """The next sequence of doubles."""
-        length = self.count()
-        at = self.take(8 if length else 1, 8 * length)
-        return struct.unpack_from(f"<{length}d", self._data, at)
 
     def text(self, errors: str = "strict") -> str:
         """The next string; errors: as in bytes.decode."""

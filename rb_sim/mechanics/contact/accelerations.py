@@ -9,8 +9,8 @@
 
 """Accelerations and multipliers of bodies with contacts, some of which slip.
 
-A row that slips pushes along another direction than it enforces, so that the matrix of the rows,
-G M^-1 W^T, is not symmetric.
+The force of a slipping contact is not along the row that it enforces, so that the matrix G M^-1 W^T
+is not symmetric.
 """
 
 from __future__ import annotations
@@ -75,38 +75,36 @@ from rb_sim.numerics.linear_solves import least_norm, solve_unsymmetric
 from rb_sim.numerics.rank import RANK_TOLERANCE
 from rb_sim.numerics.vectors import dot, neg, norm, rotate, scale, sub
 
-# Contacts that give way and creep: slips so slow that their direction is lost in errors.
+# Compliant contacts that creep: slips so slow that errors hide their direction.
 #
-# Corners of a body that rocks on a support that gives way slip by lean times rate of the lean,
-# ever more slowly as the rocking dies out, and friction turns such a slip at once to where it
-# has to go. There is no instant at which it ends.  Below CREEP friction is rounded, so that it
-# has a direction at any speed: T = -mu N s / (s^8 + creep^8)^(1/8).  From LEAVES times that speed
-# on it is Coulomb's again; the two differ by 1e-9 there.
+# The corners of a body that rocks on a compliant support slip ever more slowly as the rocking
+# decays, and never stop at a definite instant. Below the speed `creep` Coulomb's law is therefore
+# smoothed, so that friction has a direction at any speed: T = -mu N s / (s^8 + creep^8)^(1/8).
+# Above LEAVES times that speed Coulomb's law applies again; there the two differ by 1e-9.
 
 
 LEAVES = 10.0
-"""Times the speed of creeping from which on a slip that creeps is one of Coulomb's again."""
+"""Slip relative to `creep` above which a creeping contact follows Coulomb's law again."""
 SOON, RESTS, SLOWER = 2.0, 0.9, 0.5
-"""Parts of the speed of creeping below which contacts that creep may come to rest: as they begin to
-creep, and now and then; where they have been faster again, where friction takes as much of its
-bound; and part of the slip at a try that was too early, for the next one."""
+"""SOON, RESTS: slip relative to `creep` below which a contact may stick, as it begins to creep and
+after it has been faster again. SLOWER: factor of the slip at a failed attempt, for the next one."""
 BEGUN, NEVER = 1e-3, 1e-300
-"""BEGUN: slip, relative to the speed of creeping, up to which a slip has just begun. NEVER: the
-bound [m/s] below which such a slip may come to rest, so small that it does not."""
+"""BEGUN: slip relative to `creep` up to which a slip has just begun. NEVER: slip [m/s] below which
+such a contact may stick, so small that it does not."""
 
 
 def slides_with_friction(table, c):
-    """True of a contact that slips against Coulomb's friction."""
+    """Whether contact c slips with Coulomb friction."""
     return table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING and table[c, STATIC] > 0.0
 
 
 def slides_on_compliant(table, c):
-    """True of one that rubs and gives way."""
+    """Whether contact c slips with Coulomb friction on a compliant support."""
     return slides_with_friction(table, c) and table[c, COMPLIANT] == 1.0
 
 
 def note_creep(system, c):
-    """Whether contact c creeps in the next step; after its directions have been noted."""
+    """Set whether contact c creeps in the next step; call after its directions have been set."""
     table, creep = system.contact_table, system.creep
     slip = norm(vec(table, c, SLIP))
     if not slides_on_compliant(table, c) or slip > LEAVES * creep or creep == 0.0:
@@ -123,8 +121,8 @@ def note_creep(system, c):
 
 
 def fastest_creep(system):
-    """(fastest slip of the contacts that creep, the least below which one may come to rest, the
-    first of them; -1: none creeps)."""
+    """(fastest slip of all creeping contacts, least slip below which one may stick, first creeping
+    contact or -1)."""
     table, most, bound, first = system.contact_table, 0.0, FREE, -1
     for c in range(table.shape[0]):
         if table[c, CREEPS] > 0.0 and slides_on_compliant(table, c):
@@ -135,7 +133,7 @@ def fastest_creep(system):
 
 
 def add_direct(system, y):
-    """Add the forces of the contacts that do not wait for N to the loads."""
+    """Add the contact forces that are independent of N to the loads."""
     table = system.contact_table
     for c in range(table.shape[0]):
         if table[c, CLOSED] == 0.0:
@@ -151,7 +149,7 @@ def add_direct(system, y):
 
 
 def response_of(system, i, j, column):
-    """M_i^-1 of the force of row j on body i, whose columns start at `column`."""
+    """M_i^-1 times the force of row j on body i, whose columns start at `column`."""
     force = scale(1.0 / system.bodies[i, 0], vec(system.force_rows, j, column))
     s = system.bodies
     k = vec(system.force_rows, j, column + 3)
@@ -164,9 +162,9 @@ def response_of(system, i, j, column):
 
 
 def find_holding(system, dependent):
-    """Number the rows that hold, those that are not zero; returns how many there are.
+    """Write the active rows, those that are not zero, into ACTIVE; returns their number.
 
-    dependent: rows that depend on others like this are left out.
+    dependent: kinds of dependence (AMONG_ROWS, ...) whose rows are left out.
     """
     holding = 0
     for k in range(system.row_table.shape[0]):
@@ -182,7 +180,7 @@ def find_holding(system, dependent):
 
 
 def fill_slipping_matrix(system, holding):
-    """A = G M^-1 W^T of the rows that hold."""
+    """A = G M^-1 W^T of the active rows."""
     row_table = system.row_table
     for n in range(holding):
         j = row_table[n, ACTIVE]
@@ -197,7 +195,7 @@ def fill_slipping_matrix(system, holding):
 
 
 def spread_multipliers(system, holding):
-    """From the rows that hold, in order, to all rows; the others are zero."""
+    """Move the multipliers of the active rows to their places among all rows; the others are 0."""
     x = system.vectors[MULTIPLIERS]
     for k in range(holding, x.shape[0]):
         x[k] = 0.0
@@ -208,9 +206,8 @@ def spread_multipliers(system, holding):
 
 
 def joints_share(system, joints, at, column):
-    """What the joints take of the rise at contact row `at` (counted among those that hold) per
-    unit of force: A_cJ A_JJ^-1 x, x a column of A or, where column < 0, the force along the row
-    itself."""
+    """Part of the acceleration at contact row `at` (an index of active rows) per unit of force that
+    the joints prevent: A_cJ A_JJ^-1 x, with x a column of A or, if column < 0, the row itself."""
     A, spare = system.delassus[0], system.delassus[1]
     b, x = spare[joints], spare[joints + 1]
     for j in range(joints):
@@ -223,10 +220,10 @@ def joints_share(system, joints, at, column):
 
 
 def pivots(system, holding):
-    """N of every contact, and the effective over the ideal pivot of those that slip, joints
-    holding, into the table of contacts.
+    """Write N of every contact, and PIVOT of those that slip, into the table of contacts.
 
-    A contact's pivot is the rise of its two points away from each other per unit of force.
+    The pivot of a contact is the acceleration of its two points away from each other per unit of
+    force, with the joints; PIVOT is the pivot with friction over that without.
     """
     table, joints = system.contact_table, 0
     while joints < holding and system.row_table[joints, ACTIVE] < first_row_of(system, 0):
@@ -252,19 +249,19 @@ def pivots(system, holding):
         if joints > 0:
             ideal -= joints_share(system, joints, at, -1)
             effective -= joints_share(system, joints, at, at)
-        if ideal > RANK_TOLERANCE * alone:  # else the joints hold its place by themselves
+        if ideal > RANK_TOLERANCE * alone:  # else the joints alone fix the contact point
             table[c, PIVOT] = effective / ideal
 
 
 def note_sizes(system):
-    """Sizes of the accelerations from the loads alone, in place of the loads."""
+    """Overwrite the loads with the absolute accelerations by the loads alone."""
     for i in range(system.bodies.shape[0]):
         for j in range(6):
             system.bodies[i, LOAD + j] = abs(system.bodies[i, RESPONSE + j])
 
 
 def add_term(bodies, i, force, turn, x):
-    """response += x (force, turn), and the sizes of these terms to the others."""
+    """response += x (force, turn), and add the absolute terms to those in LOAD."""
     add_response(bodies, i, force, turn, x)
     for j in range(3):
         bodies[i, LOAD + j] += abs(x * force[j])
@@ -272,7 +269,8 @@ def add_term(bodies, i, force, turn, x):
 
 
 def drop_rounding(system):
-    """An acceleration that is but the rounding of its terms is none: what rests does not creep."""
+    """Set accelerations to zero that are only rounding of their terms, so that a body at rest does
+    not creep."""
     bodies = system.bodies
     for i in range(bodies.shape[0]):
         for first in (0, 3):
@@ -284,7 +282,7 @@ def drop_rounding(system):
 
 @dispatch
 def unconstrained(system, t, y):
-    """Write the rows, and response = accelerations from loads and given contact forces alone."""
+    """Write the rows, and response = accelerations by loads and direct contact forces."""
 
 
 @unconstrained.register(ContactBodies)
@@ -303,14 +301,13 @@ def unconstrained_in(system, t, y, everywhere):
 
 
 OF_JOINTS = 1.0 / 1024.0
-"""By how much reactions of joints count beside those of contacts where least ones are sought: a
-power of 2, small since joints carry what they must. Else a pad on a guide would press at one
-edge to spare the guide a torque."""
+"""Weight of the reactions of joints in the norm that is minimised if reactions are not unique: a
+power of 2, small, since otherwise a pad on a guide would press at one edge to reduce the guide's
+torque."""
 
 
 def least_reactions(system, rank, holding):
-    """x = x_s + the least x with A (x_s + x) = b: x_s are the shares that the contacts keep; joints
-    count by OF_JOINTS."""
+    """The reactions x with A x = b that are nearest to the SHARES; joints have weight OF_JOINTS."""
     A, right, shares = system.delassus[0], system.vectors[RIGHT], system.vectors[SHARES]
     x, row_table, first = system.vectors[MULTIPLIERS], system.row_table, first_row_of(system, 0)
     for m in range(holding):
@@ -333,10 +330,10 @@ def unconstrained_by_address(system, t, y):
 
 @dispatch
 def contact_accelerations(system, t, y):
-    """Fill multipliers, contact forces and response = accelerations; returns (rank, rows that
-    hold).
+    """Write multipliers, contact forces and response = accelerations; returns (rank, number of
+    active rows).
 
-    Where reactions are not determined, those nearest to the SHARES.
+    If reactions are not unique, they are those nearest to the SHARES.
     """
 
 
@@ -354,8 +351,8 @@ def accelerations_here(system, t, y):
 
 @dispatch
 def moving(system, t, y, everywhere):
-    """As `contact_accelerations`; everywhere: as in `write_all_rows`, and with reactions of all
-    rows, for which the state has to be on the manifold."""
+    """As `contact_accelerations`; everywhere: as in `write_all_rows`, and with all dependent rows,
+    which requires a state on the manifold."""
 
 
 @moving.register(PackedSystem)
@@ -369,10 +366,10 @@ def moving_by_address(system, t, y, everywhere):
 
 @moving.register(ContactBodies)
 def accelerations_in(system, t, y, everywhere):
-    """One solve of G M^-1 W^T x = -(bias + G M^-1 f) over the rows that hold (LL 38.2).
+    """Solve G M^-1 W^T x = -(bias + G M^-1 f) for the active rows (LL 38.2).
 
-    G: the rows; W: the force directions, which differ from them in a slipping contact. Without
-    full rank the multipliers nearest to the SHARES.
+    G: rows; W: force directions, which differ from the rows in a slipping contact. Without full
+    rank, the multipliers nearest to the SHARES.
     """
     unconstrained_in(system, t, y, everywhere)
     n = system.row_table.shape[0]

@@ -7,9 +7,9 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The tables of bodies with contacts brought up to date: rows, loads, anchors and energies.
+"""Rows, loads, anchors and energies of bodies with contacts, written into their tables.
 
-Traced laws give them in loops; interpreted, the same Python is called as it is.
+Loops call traced laws; interpreted, the same Python functions run as they are.
 """
 
 from __future__ import annotations
@@ -62,21 +62,21 @@ from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import call_law, dispatch, part, pointer
 from rb_sim.numerics.vectors import norm
 
-# Bodies in contact as loops see them: tables by address, and what the traced laws read and write.
+# Inputs and outputs of the traced law of a contact.
 #
-# A contact's law gets ARGUMENTS numbers and gives those of its geometry and, where it is closed, of
-# its rows; the columns of `table` that it fills lie as the law gives them.
+# It takes ARGUMENTS numbers, and computes the geometry and, if the contact is closed, its rows. The
+# columns of the table that it fills have the same order.
 
 
 KEPT = 26
-"""Place among the arguments after the states of both bodies: Lean (7), modes and side (4),
-directions (3, 3, 1), what is but rounding (2)."""
+"""Index of the arguments after the states of both bodies: Lean (7), modes and side (4), directions
+(3, 3, 1), tolerances (2)."""
 ARGUMENTS = KEPT + 20
 GEOMETRY = GEOMETRY_WIDTH + 2 + LEAN_WIDTH + 1
-"""Numbers of an open contact: gap, its rate, normal, point, slip, turning (14), spring, fastest,
-Lean (7), place round the rim."""
+"""Number of results for an open contact: gap, its rate, normal, point, slip, relative spin (14),
+spring, fastest, Lean (7), angle round the rim."""
 FORCES = GEOMETRY + FORCES_WIDTH
-"""Of a closed one besides: forces that do not wait for N (3, 3), force; from here on 16 numbers of
+"""Number with the forces independent of N (3, 3) and N of a closed one; then follow 16 numbers of
 each row, then 12 of each force direction."""
 MOST_ROWS = 6
 OUTPUTS = FORCES + 28 * MOST_ROWS
@@ -84,9 +84,9 @@ WORKSPACE = ARGUMENTS + OUTPUTS
 
 OPEN_LAW, CLOSED_LAW, CONTACT_BODY, CONTACT_PARENT, FIRST_PARAMETER = range(5)
 TRACTION_LAW, FIRST_OF_TRACTION, CONTACT_COLUMNS = range(5, 8)
-"""Columns of `contacts`: addresses of the laws of the contact, its bodies, where its constants
-begin in `parameters`; address of the law of its traction, 0 where `kinetic` is its bound at each
-slip, and where the constants of that begin."""
+"""Columns of `contacts`: addresses of the two laws, body and parent, index of the constants in
+`parameters`; address of the law of traction (0: `kinetic` bounds it at every slip), and index of
+its constants."""
 
 LAYOUT = Layout(
     {
@@ -111,7 +111,7 @@ LAYOUT = Layout(
         "inputs": (REAL, 1),
         "workspace": (REAL, 1),
         "loads_law": INTEGER,
-        "lines_law": INTEGER,
+        "joint_rows_law": INTEGER,
         "anchors_law": INTEGER,
         "energy_law": INTEGER,
         "carry_law": INTEGER,
@@ -120,12 +120,12 @@ LAYOUT = Layout(
         "project_by_address": INTEGER,
     }
 )
-"""Fields as of ContactBodies; `inputs` of the laws of the scene, `workspace` for their results;
-laws of the scene; functions compiled once (see compiled)."""
+"""Fields of ContactBodies; `inputs` of the laws of the scene, `workspace` for their results;
+addresses of these laws, and of the functions compiled once (contact_laws)."""
 
 
 def clear_contact(G, W, k, last, table, c):
-    """No rows and no forces of a contact that is open."""
+    """Set rows and forces of an open contact to zero."""
     for i in range(k, last):
         for j in range(ROW_WIDTH):
             G[i, j] = 0.0
@@ -137,7 +137,7 @@ def clear_contact(G, W, k, last, table, c):
 
 
 def put_geometry(table, c, out):
-    """Into the table of contacts what is known of an open contact as well."""
+    """Write the geometry of a contact, open or closed, into the table of contacts."""
     for j in range(GEOMETRY_WIDTH):
         table[c, GAP + j] = out[j]
     table[c, SPRING], table[c, FASTEST] = out[GEOMETRY_WIDTH], out[GEOMETRY_WIDTH + 1]
@@ -148,7 +148,7 @@ def put_geometry(table, c, out):
 
 
 def put_forces(system, c, out):
-    """Rows, force directions and forces of a closed contact into the tables."""
+    """Write rows, force directions and forces of a closed contact into the tables."""
     first, last = first_row_of(system, c), first_row_of(system, c + 1)
     for j in range(FORCES_WIDTH):
         system.contact_table[c, DIRECT + j] = out[GEOMETRY + j]
@@ -161,7 +161,7 @@ def put_forces(system, c, out):
 
 
 def write_contact(placed, t, system, y, c):
-    """Geometry, rows and force directions of contact c at (t, y)."""
+    """Write geometry, rows and force directions of contact c at (t, y)."""
     table, at = system.contact_table, LEAN_BEFORE
     lean = Lean(vec(table, c, at), vec(table, c, at + 3), table[c, at + 6])
     B, A = state_of(y, placed.body), state_of(y, placed.parent)
@@ -194,7 +194,7 @@ def write_contact(placed, t, system, y, c):
 
 
 def put_arguments(system, y, c, out):
-    """What the law of contact c gets, see layout."""
+    """Write the arguments of the law of contact c (see KEPT)."""
     table = system.contact_table
     b, a = system.contacts[c, CONTACT_BODY], system.contacts[c, CONTACT_PARENT]
     for j in range(WIDTH):
@@ -231,8 +231,8 @@ def write_contact_by_law(system, t, y, c):
 
 
 def traction_at(law, slip, constants, work):
-    """(|T| over N, |T| without N [N]) that a law of traction gives at a slip [m/s]; work: 9
-    numbers."""
+    """(|T| over N, |T| independent of N [N]) at a slip [m/s] by the law of traction; work: 9
+    numbers of workspace."""
     found = part(work, 3)
     work[0], work[1], work[2] = slip, 0.0, 0.0
     call_law(law, 0.0, work, constants, found)
@@ -246,7 +246,7 @@ def traction_over_normal_force(system, c, slip):
 
 @traction_over_normal_force.register(ContactBodies)
 def traction_over_normal_force_plainly(system, c, slip):
-    """Interpreted: `kinetic` of a bounded law, else the size of its traction at this slip."""
+    """Interpreted: `kinetic` of a bounded law, else its traction at this slip."""
     rows = [placed.row for group in system.contacts for placed in group]
     if isinstance(rows[c].friction, BOUNDED):
         return system.contact_table[c, KINETIC]
@@ -256,7 +256,7 @@ def traction_over_normal_force_plainly(system, c, slip):
 
 @traction_over_normal_force.register(PackedSystem)
 def traction_over_normal_force_by_law(system, c, slip):
-    """Compiled: by the traced law of the contact's friction, where it has one."""
+    """Compiled: by the traced law of traction if there is one."""
     law = system.contacts[c, TRACTION_LAW]
     if law == 0:
         return system.contact_table[c, KINETIC]
@@ -265,9 +265,10 @@ def traction_over_normal_force_by_law(system, c, slip):
 
 
 def _write_all_rows(system, t, y, everywhere):
-    """Write the rows of all constraints at (t, y), and what is known of every contact; or, where
-    the rows of open ones are zero already, of the closed ones alone, which is all that a rate
-    needs."""
+    """Write the rows of all constraints at (t, y), and the geometry of contacts.
+
+    everywhere: of open contacts as well; False if their rows are zero already, for a rate.
+    """
 
 
 write_all_rows = dispatch(_write_all_rows)
@@ -286,9 +287,9 @@ def write_joints_plainly(system, t, y):
 
 @write_joints.register(PackedSystem)
 def write_joints_by_law(system, t, y):
-    """Compiled: the traced law of all joints, where there are joints."""
-    if system.lines_law:
-        call_law(system.lines_law, t, pointer(y), pointer(system.inputs), pointer(system.rows))
+    """Compiled: the traced law of all joints."""
+    if system.joint_rows_law:
+        call_law(system.joint_rows_law, t, pointer(y), pointer(system.inputs), pointer(system.rows))
 
 
 @write_all_rows.register(ContactBodies)
@@ -304,7 +305,7 @@ def write_all_rows_plainly(system, t, y, everywhere):
 
 @write_all_rows.register(PackedSystem)
 def write_all_rows_by_law(system, t, y, everywhere):
-    """Compiled: the same by laws; a contact that is open is written only if `everywhere`."""
+    """Compiled: the same by laws."""
     write_joints(system, t, y)
     for c in range(system.contact_table.shape[0]):
         if everywhere or system.contact_table[c, CLOSED] == 1.0:
@@ -319,7 +320,7 @@ def write_contact_rows(system, t, y):
 
 
 def copy_joint_rows(system):
-    """A joint pushes along the row that it enforces."""
+    """Copy the rows of joints, which are their force directions as well."""
     for k in range(first_row_of(system, 0)):
         for j in range(12):
             system.force_rows[k, j] = system.rows[k, j]
@@ -348,18 +349,18 @@ def load_effects_by_law(system, t, y):
 
 @dispatch
 def carry_inputs(system, t, y):
-    """Keep in the inputs what laws keep from step to step, for a step that begins at (t, y)."""
+    """Update the inputs that laws carry from step to step, for a step that begins at (t, y)."""
 
 
 @carry_inputs.register(ContactBodies)
 def carry_nothing(system, t, y):
-    """Interpreted: nothing to keep."""
-    pass  # interpreted, laws are given the rows as they are
+    """Interpreted: nothing is carried."""
+    pass
 
 
 @carry_inputs.register(PackedSystem)
 def carry_inputs_by_law(system, t, y):
-    """Compiled: the traced law gives all inputs but the last, which is the length of a step."""
+    """Compiled: the traced law computes all inputs except the last one, the length of a step."""
     if system.carry_law:
         found = part(pointer(system.workspace), WORKSPACE)
         call_law(system.carry_law, t, pointer(y), pointer(system.inputs), found)
@@ -380,7 +381,7 @@ def write_anchors_plainly(system, y):
 
 @write_anchors.register(PackedSystem)
 def write_anchors_by_law(system, y):
-    """Compiled: the traced law of all joints' anchors, where there are joints."""
+    """Compiled: the traced law of all joints' anchors."""
     if system.anchors_law:
         anchors = pointer(system.anchors)
         call_law(system.anchors_law, 0.0, pointer(y), pointer(system.inputs), anchors)
@@ -388,7 +389,7 @@ def write_anchors_by_law(system, y):
 
 @dispatch
 def energies(system, t, y):
-    """(potential energy, power of the effects that have none)."""
+    """(potential energy [J], power of effects without a potential [W])."""
 
 
 @energies.register(ContactBodies)

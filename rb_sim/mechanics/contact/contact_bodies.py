@@ -9,10 +9,10 @@
 
 """N bodies with contacts that open, slip, stick and roll.
 
-A contact owns rows of the same table as every other constraint: normal, two tangents and, where it
-resists turning, two rolling rows and one of spin.  Its mode says which of them hold; the others
-are zero and drop out of every solve.  A slipping contact pushes along n + T(s)/N, not along n: the
-force directions are a table of their own.  Scenes without contact know nothing of all this.
+A contact has rows in the same table as every other constraint: one normal, two tangential and, if
+it resists rotation, two rolling rows and one spinning row. Its mode determines which rows are
+active; the others are zero and are left out of every solve. The force of a slipping contact is
+along n + T(s)/N, not along n, so the force directions have a table of their own.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.mechanics.system import EVENT_DRIVEN
 from rb_sim.mechanics.systems.many_bodies import ROW_TABLE_COLUMNS
 
-# The table of contacts, `ContactBodies.contact_table`: a row for each point, its columns by name.
+# The table of contacts, `ContactBodies.contact_table`: a row for each point, columns by name.
 #
-# Its four parts lie apart.  Parameters say what the contact is.  State is all that one step hands
-# to the next: only events and the start of a step write it.  What is known of a step's start
-# serves the look inside the step.  Scratch every evaluation of the equations writes anew, before
-# it reads it, so that a sample between two steps disturbs neither.
+# It has four parts. PARAMETERS are constants of the contact. STATE is carried from step to step;
+# only events and the start of a step write it. START holds values at the start of the step, for the
+# location of events within it. SCRATCH is written by every evaluation of the equations before it is
+# read, so that a sample between two steps changes neither.
 
 
 class Column(NamedTuple):
@@ -38,53 +38,53 @@ class Column(NamedTuple):
 
     name: str
     width: int
-    """numbers that it takes."""
+    """number of columns."""
     unit: str
     meaning: str
 
 
 EVENT_FUNCTION_KINDS = 5
-"""Event functions of one contact: of its gap or normal force, of slip, rolling, spinning, and of
-jams; each may pass through zero and come back within a step."""
+"""Number of event functions of a contact: gap or normal force, slip, rolling, spinning, jam. Each
+may pass through zero and return within a step."""
 AT_SLIP, AT_ROLL, AT_SPIN, AT_JAM = 1, 2, 3, 4
-"""Places among them; that of the gap or normal force is the first."""
+"""Indices of these; gap or normal force has index 0."""
 
 LEAN_WIDTH = 7
-"""Numbers of a rims.Lean."""
+"""Number of values in a Lean (catalogue/geometry/corners_and_rims)."""
 
 PARAMETERS = (
-    Column("static", 1, "1", "bound of the traction at rest over N; 0: a law without a corner"),
-    Column("rolling_arm", 1, "m", "bound of the rolling torque at rest over N"),
-    Column("spinning_arm", 1, "m", "bound of the spinning torque at rest over N"),
-    Column("bilateral", 1, "0 or 1", "whether N may pull"),
-    Column("compliant", 1, "0 or 1", "whether the support gives way"),
-    Column("rim", 1, "number", "first contact that is a point of the same rim; -1: of no rim"),
-    Column("restitution", 1, "1", "e of impacts"),
-    Column("kinetic", 1, "1", "traction over N as a slip begins after rest; inf: it never slips"),
-    Column("drags", 1, "0 or 1", "whether the traction stays where N vanishes"),
+    Column("static", 1, "1", "largest traction at rest over N; 0: a law without static friction"),
+    Column("rolling_arm", 1, "m", "largest rolling torque at rest over N"),
+    Column("spinning_arm", 1, "m", "largest spinning torque at rest over N"),
+    Column("bilateral", 1, "0 or 1", "whether N may be negative"),
+    Column("compliant", 1, "0 or 1", "whether the support is compliant"),
+    Column("rim", 1, "number", "first contact that is a point of the same rim; -1: no rim"),
+    Column("restitution", 1, "1", "coefficient of restitution e"),
+    Column("kinetic", 1, "1", "traction over N as a slip begins; inf: perfectly rough"),
+    Column("drags", 1, "0 or 1", "whether there is traction without N"),
     Column("stiffness", 1, "N/m", "of a compliant support"),
     Column("damping", 1, "N s/m", "of a compliant support"),
 )
 
 STATE = (
-    Column("closed", 1, "0 or 1", "whether the contact pushes"),
+    Column("closed", 1, "0 or 1", "whether the contact is closed"),
     Column("slide", 1, "mode", "traction: NONE, SLIDING or STUCK"),
     Column("roll", 1, "mode", "rolling torque: NONE, SLIDING or STUCK"),
     Column("spin", 1, "mode", "spinning torque: NONE, SLIDING or STUCK"),
-    Column("normal_sign", 1, "sign", "of N, where it may pull"),
+    Column("normal_sign", 1, "sign", "of N, if it may be negative"),
     Column("slip_direction", 3, "1", "direction of slip at the start of the step"),
     Column("roll_direction", 3, "1", "direction of rolling at the start of the step"),
     Column("spin_sign", 1, "sign", "of spinning at the start of the step"),
     Column(
-        "creeps", 1, "m/s", "slip below which a creeping contact may rest; 0: it does not creep"
+        "creeps", 1, "m/s", "slip below which a creeping contact may stick; 0: it does not creep"
     ),
-    Column("lean_before", LEAN_WIDTH, "rims.Lean", "of a rim at the start of the step"),
+    Column("lean_before", LEAN_WIDTH, "Lean", "of a rim at the start of the step"),
 )
 
 START = (
     Column("gap_before", 1, "m", "gap at the start of the step"),
-    Column("gap_rate_before", 1, "m/s", "its rate there"),
-    Column("fastest_before", 1, "m/s", "speed that no point of body or support exceeds there"),
+    Column("gap_rate_before", 1, "m/s", "rate of the gap there"),
+    Column("fastest_before", 1, "m/s", "upper bound of the speed of all points there"),
     Column("normal_before", 3, "1", "n there"),
     Column(
         "event_functions_before",
@@ -93,40 +93,38 @@ START = (
         "event functions at the start of the step",
     ),
     Column("event_rates_before", EVENT_FUNCTION_KINDS, "1/s", "their rates there"),
-    Column(
-        "stiff", 1, "1/s", "rate at which friction turns a slip that goes on; 0: none, or it ends"
-    ),
+    Column("stiff", 1, "1/s", "rate at which friction turns a lasting slip; 0: none, or it ends"),
     Column("slip_rate", 3, "m/s^2", "rate of the slip there"),
-    Column("roll_rate", 3, "rad/s^2", "rate of the rolling, which is across n, there"),
-    Column("swing", 1, "s", "time in which the low point of a held rim may go round it"),
-    Column("nears", 1, "1", "cosine of the angle between where it leans and where it goes up to"),
+    Column("roll_rate", 3, "rad/s^2", "rate of the rolling velocity there"),
+    Column("swing", 1, "s", "tilt over its rate: time in which a rim's lowest point may run round"),
+    Column("nears", 1, "1", "cosine of the angle between tilt and its rate, as vectors, negated"),
 )
 
 SCRATCH = (
-    Column("gap", 1, "m", "distance of the surfaces along n, negative where they overlap"),
-    Column("gap_rate", 1, "m/s", "its rate"),
+    Column("gap", 1, "m", "distance of the surfaces along n, negative if they overlap"),
+    Column("gap_rate", 1, "m/s", "rate of the gap"),
     Column("normal", 3, "1", "n, from the parent to the body"),
-    Column("point", 3, "m", "P, where they touch or are nearest"),
-    Column("slip", 3, "m/s", "velocity of the body's surface over the parent's, across n"),
-    Column("relative_spin", 3, "rad/s", "angular velocity of the body over the parent's"),
-    Column("direct", 3, "N", "force that does not wait for N: viscous, or of a compliance"),
-    Column("direct_torque", 3, "N m", "torque that does not wait for N, about P"),
-    Column("normal_force", 1, "N", "N itself"),
-    Column("pivot", 1, "1", "effective over ideal pivot of N; 0 where friction jams"),
-    Column("spring", 1, "N", "force of a compliant support without regard to its sign"),
-    Column("fastest", 1, "m/s", "speed that no point of body or support exceeds here"),
+    Column("point", 3, "m", "P, contact point or nearest point"),
+    Column("slip", 3, "m/s", "velocity of the body relative to the parent at P, across n"),
+    Column("relative_spin", 3, "rad/s", "angular velocity of the body relative to the parent"),
+    Column("direct", 3, "N", "force independent of N: viscous, or of a compliant support"),
+    Column("direct_torque", 3, "N m", "torque independent of N, about P"),
+    Column("normal_force", 1, "N", "N"),
+    Column("pivot", 1, "1", "pivot of N with friction over that without; 0 if friction jams"),
+    Column("spring", 1, "N", "force of a compliant support, also if it would pull"),
+    Column("fastest", 1, "m/s", "upper bound of the speed of all points"),
     Column(
         "event_functions", EVENT_FUNCTION_KINDS, "1", "event functions in the mode of the contact"
     ),
-    Column("low", 3, "1", "direction of the low point of a rim (rims.Lean)"),
-    Column("axis", 3, "1", "that of the rim, upwards, across the normal (rims.Lean)"),
-    Column("lean_sign", 1, "sign", "of the lean; ABSENT for a point that the rim has not here"),
-    Column("around", 1, "rad", "0: low point of a rim; else its place round the rim"),
+    Column("low", 3, "1", "direction of the lowest point of a rim (Lean)"),
+    Column("axis", 3, "1", "upward axis of the rim, projected across n (Lean)"),
+    Column("lean_sign", 1, "sign", "of the tilt; ABSENT: the rim has no such point here"),
+    Column("around", 1, "rad", "angle from the lowest point of the rim"),
 )
 
 
 def first_columns(*parts: tuple[Column, ...]) -> tuple[dict[str, int], int]:
-    """(the first column of each quantity, how many columns there are)."""
+    """(first column of each quantity, number of columns)."""
     places: dict[str, int] = {}
     at = 0
     for column in (column for part in parts for column in part):
@@ -167,17 +165,16 @@ PIVOT, SPRING, FASTEST, EVENT_FUNCTIONS = (
 LOW, AXIS, LEAN_SIGN, AROUND = (_AT[n] for n in ("low", "axis", "lean_sign", "around"))
 
 GEOMETRY_WIDTH = RELATIVE_SPIN + 3 - GAP
-"""Columns from GAP on that a law gives in this order."""
+"""Number of columns from GAP on that the law of every contact computes, in this order."""
 FORCES_WIDTH = NORMAL_FORCE + 1 - DIRECT
-"""Columns from DIRECT on that the law of a closed contact gives in this order."""
+"""Number of columns from DIRECT on that the law of a closed contact computes, in this order."""
 
 FIRST_OF_SCRATCH = GAP
-"""Columns before it outlast an evaluation of the equations."""
+"""First column that an evaluation of the equations overwrites."""
 
 
 def write_parameters(row: np.ndarray, law: ContactLaw) -> None:
-    """Write what a contact is into the columns of PARAMETERS, of this and of other tables, but for
-    the rim."""
+    """Write the columns of PARAMETERS, except the rim, into a row of this or another table."""
     row[[STATIC, KINETIC, RESTITUTION]] = law.static, law.kinetic, law.restitution
     row[[ROLLING_ARM, SPINNING_ARM, BILATERAL]] = law.rolling_arm, law.spinning_arm, law.bilateral
     row[[COMPLIANT, DRAGS]] = law.compliant, law.drags
@@ -189,19 +186,19 @@ ROLL_ENDS, ROLL_BEGINS, SPIN_ENDS, SPIN_BEGINS, JAMS, LIES_FLAT = 4, 5, 6, 7, 8,
 EVENT_KINDS = 16
 """An event's code is EVENT_KINDS contact + kind."""
 FREE = 1e300
-"""Event function of what has no bound."""
+"""Value of an event function that a contact does not have."""
 NUDGE = 1e-6
-"""Time over which rates of event functions are found, in natural units."""
+"""Time difference for the rates of event functions, in natural units."""
 SHARP = 100.0
-"""Speeds of slip and turning have less rounding, and are counted finer, than gaps and forces."""
+"""Factor of the event functions of slip and rotation, which have less rounding than gaps and
+forces."""
 SPEED_TOLERANCE = 1e-10
-"""Speed of approach, slip or turning, relative to the speed of the scene, up to which it is
-zero."""
+"""Speed of approach, slip or rotation, relative to the speed of the scene, that counts as zero."""
 JAMMED = 1e-6
 """Pivot of a slipping contact with friction, relative to the one without, below which its force
-has no bound (Painleve's paradox)."""
+is unbounded (Painleve's paradox)."""
 NEAR_JAM = 1e-3
-"""The same, below which a contact is the one that jams where no force or no step is found."""
+"""The same limit for the contact that jams if no force or no step is found."""
 
 
 class ContactBodies(NamedTuple):
@@ -209,10 +206,10 @@ class ContactBodies(NamedTuple):
 
     bodies: np.ndarray
     row_table: np.ndarray
-    """body, parent, work space, ANGLE and DEPENDENT; integers, shape (n, ROW_TABLE_WIDTH)."""
+    """body, parent, workspace, ANGLE and DEPENDENT; integers, shape (n, ROW_TABLE_WIDTH)."""
     rows: np.ndarray
     delassus: np.ndarray
-    """A = G M^-1 W and work space, of the rows that hold, shape (2, n, n)."""
+    """A = G M^-1 W^T of the active rows, and workspace, shape (2, n, n)."""
     vectors: np.ndarray
     first_row: np.ndarray
     members: np.ndarray
@@ -226,46 +223,44 @@ class ContactBodies(NamedTuple):
     contact_table: np.ndarray
     """the table of contacts, see above, shape (contacts, CONTACT_TABLE_WIDTH)."""
     force_rows: np.ndarray
-    """force direction of each row: as the 12 columns of its Jacobian, shape (n, 12)."""
+    """force direction of each row, as the 12 columns of a Jacobian, shape (n, 12)."""
     mass: float
     """of all bodies [kg]."""
     velocity_tolerance: float
-    """slip whose direction is lost in the method's errors, and taken to be that of before [m/s]."""
+    """slip below which the method's errors hide its direction, which is then kept [m/s]."""
     creep: float
-    """slip of a contact that gives way below which it creeps, and above which it is followed; 0:
-    nothing creeps (see creep) [m/s]."""
+    """slip below which a compliant contact creeps; 0: no contact creeps [m/s]."""
 
     @property
     def joints(self) -> int:
-        """Parts of the constraints that are no contacts."""
+        """Number of parts of the constraints that are not contacts."""
         return len(self.constraints)
 
 
 EVENT_DRIVEN.add(ContactBodies)
 
 SHARES = 2
-"""Row of ContactBodies.vectors: reactions of a self-stress that the contacts keep."""
+"""Row of ContactBodies.vectors: reactions to which the undetermined ones are nearest."""
 ACTIVE, DEPENDENT, RANK, MOST_RANK, STEP_RANK, REDUNDANT, ROW_TABLE_WIDTH = range(
     ROW_TABLE_COLUMNS, ROW_TABLE_COLUMNS + 7
 )
-"""Columns of ContactBodies.row_table for the rows that hold, and whether
-a row of a joint depends on other joints': the sum of what it is among.  Of all rows, in the first
-row: the rank found last, the most that counts, the most that counts in the step taken last, and 1
-if one was less than the rows that hold."""
+"""Columns of ContactBodies.row_table: active rows, and whether a row of a joint depends on other
+rows of joints (sum of the values below). The first row also has, for all rows: the rank found last,
+the largest rank allowed, that of the last step, and 1 if one was below the number of active rows.
+"""
 NOWHERE, AMONG_ROWS, AMONG_POSITIONS, CHANGING = 0, 1, 2, 4
-"""What a row depends on: none, all rows of joints, the holonomic ones alone. Off the manifold,
-where the stages of a step are, such a row contradicts the others.  CHANGING: that is chosen anew
-where a step begins (see choice)."""
+"""A row depends on none, on all rows of joints, or on the holonomic ones; off the manifold, at the
+stages of a step, it contradicts them. CHANGING: chosen anew at the start of each step."""
 
 
 def keep(table, c, at, a):
-    """Write a vector into the table of contacts: row c, from column `at` on."""
+    """Write a vector into row c of the table of contacts, from column `at` on."""
     for j in range(3):
         table[c, at + j] = a[j]
 
 
 def may_creep(system, c):
-    """True where slow slips of contact c are followed, and creep in the end."""
+    """Whether contact c creeps at slow slips."""
     return system.contact_table[c, COMPLIANT] == 1.0 and system.creep > 0.0
 
 

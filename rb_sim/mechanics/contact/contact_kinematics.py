@@ -7,11 +7,11 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What one contact is at an instant: geometry, the active rows, the force directions, the friction.
+"""Geometry, active rows, force directions and friction of one contact at an instant.
 
-A function of the states of both bodies, of the modes and of the directions kept from the start of
-the step, and of nothing else; it is traced once for each kind of contact (`contact_laws`), and runs
-as it is in plain Python.
+They depend on the states of both bodies, the modes, and the directions at the start of the step
+alone. The function is traced once for each kind of contact (`contact_laws`), and also runs in plain
+Python.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ NONE, SLIDING, STUCK = 0.0, 1.0, 2.0
 
 
 class Kept(NamedTuple):
-    """Of the start of the step, and the modes."""
+    """State of a contact that is constant within a step: modes, and directions at its start."""
 
     lean: Lean
     slide: float
@@ -58,21 +58,21 @@ class Kept(NamedTuple):
     spin: float
     """NONE, SLIDING or STUCK."""
     side: float
-    """sign of N where it may pull."""
+    """sign of N, if it may be negative."""
     ahead: Vec3
     """direction of slip."""
     roll_direction: Vec3
-    """direction of turning across the normal."""
+    """direction of rolling."""
     spin_sign: float
-    """sign of turning about the normal."""
+    """sign of spinning."""
     velocity_tolerance: float
-    """slip that is but rounding [m/s]."""
+    """slip below which its direction is not followed [m/s]."""
     turn_tolerance: float
-    """turning that is but rounding [rad/s]."""
+    """relative spin below which its direction is not followed [rad/s]."""
 
 
 class Geometry(NamedTuple):
-    """Where the surfaces are and how they move past each other, world axes."""
+    """Geometry and relative motion of the surfaces, world axes."""
 
     gap: float
     gap_rate: float
@@ -81,31 +81,31 @@ class Geometry(NamedTuple):
     slip: Vec3
     turn: Vec3
     spring: float
-    """N of a compliant support without regard to its sign; 0 of a rigid one [N]."""
+    """force of a compliant support, also if it would pull; 0 for a rigid one [N]."""
     fastest: float
-    """speed that no point of body or support exceeds here [m/s]."""
+    """upper bound of the speed of all points of body and support [m/s]."""
     lean: Lean
-    """of a rim on a plane; as before of others."""
+    """of a rim on a plane; unchanged for other pairs."""
     around: float
-    """0 for the low point of a rim, more for others of its points."""
+    """angle from the lowest point of a rim [rad]."""
 
 
 class Forces(NamedTuple):
-    """What a closed contact does."""
+    """Forces and rows of a closed contact."""
 
     direct: Vec3
     direct_torque: Vec3
-    """that do not wait for N, world axes [N, N m]."""
+    """independent of N, world axes [N, N m]."""
     force: float
     """N of a compliant support."""
     rows: tuple
-    """16 numbers of each row (see catalogue.constraints.rows), zero where it does not hold."""
+    """16 numbers of each row (see catalogue/constraints/rows), zero if it is not active."""
     force_rows: tuple
     """12 numbers of each row."""
 
 
 class _Moving(NamedTuple):
-    """Body, support and what both parts need of them."""
+    """States and accelerations of body and support."""
 
     B: BodyState
     A: BodyState
@@ -131,7 +131,7 @@ def torque_of(B, r, force, moment):
 def contact_point_of(
     pair: Any, B: BodyState, A: BodyState, before: Lean
 ) -> tuple[ContactPoint, Lean, Any]:
-    """The Touch, how a rim leans, and how far round it the point is."""
+    """(Touch, Lean, angle from the lowest point of a rim) of a contact."""
     if isinstance(pair, RimOnPlane):
         at, lean = rim_touching(pair, B, A, before)
         return at, lean, 1.0 - pair.along
@@ -145,7 +145,7 @@ def contact_point_of(
 
 
 def geometry(row: Any, t: Any, B: BodyState, A: BodyState, before: Lean) -> tuple[Any, Any]:
-    """(Geometry, what `forces` goes on with) of a contact of body state B with the parent's A."""
+    """(Geometry, input of `forces`) of a contact with states B of the body, A of the parent."""
     A, a_A, alpha_A, driven = carrier(row.carrier, t, A)
     at, lean, around = contact_point_of(row.pair, B, A, before)
     r, sigma = sub(at.point, B.p_WC), sub(at.point, A.p_WC)
@@ -166,19 +166,20 @@ def constraint_row(
     holds: Any, m: _Moving, force: Vec3, moment: Vec3, bias: Any, error: Any, rate: Any,
     holonomic: float,
 ) -> tuple:  # fmt: skip
-    """16 numbers of a row; zero where it does not hold."""
+    """16 numbers of a row; zero if it is not active."""
     numbers = (*wrench_columns(m, force, moment), bias, error, rate, holonomic)
     return where(holds, numbers, (0.0,) * len(numbers))
 
 
 def wrench_columns(m: _Moving, force: Vec3, moment: Vec3) -> tuple:
-    """12 numbers: what a force at P and a moment, world axes, do to B and back to A."""
+    """12 numbers: forces and torques on B, and reactions on A, of a force at P and a moment, world
+    axes."""
     torque_B, torque_A = torque_of(m.B, m.r, force, moment), torque_of(m.A, m.sigma, force, moment)
     return (*force, *torque_B, *neg(force), *neg(torque_A))
 
 
 def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
-    """Rows and force directions of a closed contact, and the forces that do not wait for N."""
+    """Rows and force directions of a closed contact, and its forces independent of N."""
     B, A, n, sigma = m.B, m.A, m.at.normal, m.sigma
     spin_B, spin_A = rotate(B.q_WB, B.w_WB_B), rotate(A.q_WB, A.w_WB_B)
     r_dot, sigma_dot = sub(m.at.point_rate, B.v_WC), sub(m.at.point_rate, A.v_WC)
@@ -190,7 +191,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
     rows = []
     for i, d in enumerate((n, t1, t2)):
         holds, first = (rigid, 1.0) if i == 0 else (kept.slide > 0.5 * (SLIDING + STUCK), 0.0)
-        # what gives way may approach while it sticks, and the tangents turn with the normal
+        # a compliant contact may have normal velocity while it sticks, and its tangents rotate
         turning = (
             dot(m.at.normal_rate, g.slip) if i == 0 else -g.gap_rate * dot(d, m.at.normal_rate)
         )
@@ -221,7 +222,7 @@ def forces(row: Any, g: Geometry, m: _Moving, kept: Kept) -> Forces:
 
 
 def turn_rows(m: _Moving, axes: tuple, spin_A: Vec3, turn: Vec3, kept: Kept) -> list[tuple]:
-    """Rolling and spinning rows of a contact that resists turning."""
+    """Rolling and spinning rows of a contact."""
     n, n_dot, about = axes[2], m.at.normal_rate, dot(turn, axes[2])
     found = []
     for i, d in enumerate(axes):

@@ -7,10 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The laws of bodies in contact, traced: of each kind of contact once, and of the scene's rest.
+"""Traced laws of bodies in contact: one for each kind of contact, and those of the scene.
 
-A contact's constants are inputs of its law, so contacts of one kind share machine code, in all
-scenes.  Loads of the effects, rows of the joints, anchors and energies are traced scene by scene.
+The constants of a contact are inputs of its law, so contacts of one kind share machine code in all
+scenes. Loads of the effects, rows of the joints, anchors and energies are traced for each scene.
 """
 
 from __future__ import annotations
@@ -61,44 +61,44 @@ from rb_sim.mechanics.systems.many_bodies import (
 from rb_sim.numerics.kernels import by_address, place_of
 from rb_sim.numerics.vectors import ZERO, rotate, sub
 
-# What loops call of bodies in contact by address: compiled once for all scenes.
+# Functions that loops call by address, compiled once for all scenes.
 
 
 @by_address
 def free(t, y, p, out):
-    """Rows, and accelerations from loads and given contact forces alone, into the tables."""
+    """Write the rows, and the accelerations by loads and direct contact forces, into the tables."""
     unconstrained_here(held(p), t, y)
 
 
 @by_address
 def accelerate(t, y, p, out):
-    """Multipliers and accelerations into the tables, everywhere where out[0] is not 0; rank and
-    rows that hold into out."""
+    """Write multipliers and accelerations into the tables, with open contacts if out[0] is not 0;
+    rank and number of active rows into out."""
     rank, holding = accelerations_in(held(p), t, y, out[0] != 0.0)
     out[0], out[1] = float(rank), float(holding)
 
 
 @by_address
 def bring_back(t, y, p, out):
-    """y back on the manifold, in place."""
+    """Project y onto the manifold, in place."""
     bring_to_manifold(held(p), t, y)
 
 
 @by_address
 def rate_of_change(t, y, p, out):
-    """dy/dt into out."""
+    """Write dy/dt into out."""
     contact_rate(held(p), t, y, out)
 
 
 _KINDS: dict[Any, Any] = {}
-"""Laws of kinds of contact by what they are."""
+"""Traced laws by kind."""
 
 
 def law_of_kind(found: Callable[..., Any], of: Any, width: int, *kind: Any) -> Any:
-    """The law of all that is like `of`, traced once: void law(t, y, constants of it, outputs).
+    """The traced law of a kind of objects such as `of`: void law(t, y, constants, outputs).
 
-    found: what it gives, of t, of so many numbers y, of what is like `of` on symbols, and of what
-    else tells its kind.
+    found: function of (t, y, object, *kind) to be traced; width: length of y; kind: other
+    arguments that distinguish laws.
     """
     key = found, skeleton(of), kind
     if key not in _KINDS:
@@ -112,16 +112,14 @@ def law_of_kind(found: Callable[..., Any], of: Any, width: int, *kind: Any) -> A
 
 
 def laws_of_kind(row: Any, in_world: bool) -> tuple[Law, Law]:
-    """(law while open, law while closed) of contacts like this row; the support the world or not.
-
-    void law(t, arguments, constants of the row, outputs), see layout.
-    """
+    """(law while open, law while closed) of contacts of the kind of this row: void law(t,
+    arguments, constants, outputs), see constraint_tables. in_world: the support is the world."""
     opened, closed = (law_of_kind(of_contact, row, ARGUMENTS, in_world, c) for c in (False, True))
     return opened, closed
 
 
 def of_contact(t: Any, y: tuple[Any, ...], row: Any, in_world: bool, closed: bool) -> Any:
-    """What the law of such a contact gives."""
+    """The results of the law of a contact."""
     k = y[KEPT:]
     lean = Lean(k[0:3], k[3:6], k[6])
     found, moving = geometry(row, t, *states_from(y, in_world), lean)
@@ -132,13 +130,13 @@ def of_contact(t: Any, y: tuple[Any, ...], row: Any, in_world: bool, closed: boo
 
 
 def spot_law(pair: Any, moves: Any, in_world: bool) -> Any:
-    """The law of where a pair is whose support moves so: void law(t, states of body and parent,
-    constants of (pair, moves), spot)."""
+    """The law of a pair's contact point: void law(t, states of body and parent, constants, spot).
+    moves: motion of the support."""
     return law_of_kind(of_spot, (pair, moves), 2 * WIDTH, in_world)
 
 
 def of_spot(t: Any, y: tuple[Any, ...], of: tuple[Any, Any], in_world: bool) -> Any:
-    """Gap, normal, P; velocity at P and spin of the support, 0 where it is not driven."""
+    """Gap, normal, P; velocity at P and spin of the support, 0 unless it is driven."""
     B, A = states_from(y, in_world)
     A, _, _, driven = carrier(of[1], t, A)
     at, moved, spin = touching(of[0], B, A), ZERO, ZERO
@@ -148,21 +146,21 @@ def of_spot(t: Any, y: tuple[Any, ...], of: tuple[Any, Any], in_world: bool) -> 
 
 
 def traction_law(friction_law: Any) -> Any:
-    """The law of the traction of friction like this row: void law(t, slip, constants, outputs).
+    """The law of traction of this kind of friction: void law(t, slip, constants, outputs).
 
-    slip: along x, 3 numbers [m/s]; outputs: traction over N and traction without N [N], 3 numbers
-    each.
+    slip: along x, 3 numbers [m/s]; outputs: traction over N, and traction independent of N [N], 3
+    numbers each.
     """
     return law_of_kind(of_traction, friction_law, 3)
 
 
 def of_traction(t: Any, slip: tuple[Any, ...], friction_law: Any) -> Any:
-    """Traction over N and without N at a slip along x."""
+    """Traction over N, and independent of N, at a slip along x."""
     return traction(friction_law, slip, (1.0, 0.0, 0.0), 0.0, False)
 
 
 def states_from(y: tuple[Any, ...], in_world: bool) -> tuple[BodyState, BodyState]:
-    """The states of body and parent, or of the world in its place, from their coordinates."""
+    """The states of body and parent (or the world) from their coordinates."""
     body, parent = (
         BodyState(k[0:3], k[3:7], k[7:10], k[10:13]) for k in (y[:WIDTH], y[WIDTH : 2 * WIDTH])
     )
@@ -170,7 +168,7 @@ def states_from(y: tuple[Any, ...], in_world: bool) -> tuple[BodyState, BodyStat
 
 
 def with_packed_hulls(row: Any, kept: list[np.ndarray]) -> Any:
-    """The row with hulls as traced laws see them; their tables go to `kept`."""
+    """The row with a packed hull in place of a hull; its table is appended to `kept`."""
     surface = getattr(row.pair, "surface", None)
     if not isinstance(surface, Hull):
         return row
@@ -186,7 +184,7 @@ def loads_of(system: Any, t: Any, y: list[Any]) -> list[Any]:
 
 
 class ContactLaws:
-    """What loops call for a system of bodies in contact, and the system packed for them."""
+    """The traced laws of a system of bodies in contact, and the system packed for loops."""
 
     def __init__(self, system: ContactBodies) -> None:
         self.inputs = Inputs()
@@ -208,7 +206,7 @@ class ContactLaws:
 
     @cached_property
     def loads_and_inputs(self) -> Law:
-        """As `loads`; then the inputs of the next step, where some are kept from step to step."""
+        """As `loads`, followed by the inputs of the next step that laws carry."""
 
         def kernel(system: Any, t: Any, y: list[Any]) -> list[Any]:
             return [*loads_of(system, t, y), *self._next(y)]
@@ -286,7 +284,7 @@ class ContactLaws:
         table, constants = self.contacts
         workspace = np.zeros(WORKSPACE + max(6 * len(system.bodies), len(inputs)))
         laws = (self.loads, self.joint_rows, self.anchors, self.energy, self.carry)
-        names = ("loads_law", "lines_law", "anchors_law", "energy_law", "carry_law")
+        names = ("loads_law", "joint_rows_law", "anchors_law", "energy_law", "carry_law")
         values: dict[str, Any] = {
             **{name: getattr(system, name, None) for name in LAYOUT.fields},
             "joints": len(system.constraints),

@@ -7,12 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Event functions of bodies in contact: positive while the modes hold, in natural units.
+"""Event functions of bodies in contact: positive while the present modes are valid; dimensionless.
 
-A contact has one of each kind, EVENT_FUNCTION_KINDS together: its gap while it is open and its
-normal force while it is closed; of slip, rolling and spinning the distance of the force to its
-bound at rest, the speed along the direction of before while it moves; and the pivot of a slipping
-contact.  One that a contact does not have is FREE.
+A contact has EVENT_FUNCTION_KINDS of them: the gap if it is open, the normal force if it is closed;
+for slip, rolling and spinning each the distance of the friction from its bound at rest, or the
+speed along the previous direction in motion; and the pivot of a slipping contact. One that a
+contact does not have is FREE.
 """
 
 from __future__ import annotations
@@ -87,37 +87,35 @@ from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, vec
 from rb_sim.mechanics.systems.multibody import put_rates
 from rb_sim.numerics.vectors import add, cross, dot, norm, scale, sub
 
-# Rims that are held at a point, nearly lie flat, and do not: how far a step may go with them.
+# Rims in contact at one point that nearly fall flat: how long a step may be.
 #
-# The lean of a rim, as a vector across the plane's normal, goes by flat as a particle goes by
-# the tip of a cone: the low point runs round the rim within a time of tilt over rate, and the
-# contact pushes the harder the less flat is missed (Srinivasan and Ruina, "Rocking and rolling:
-# A can that appears to rock might actually roll", Phys. Rev. E 78, 2008).  No stage of a long
-# step need fall in that time, and the step would go straight through flat.  So steps end before,
-# time and again, until what is left is followed; a rim that misses flat by nothing slams, and
-# its next point touches.
+# The tilt of a rim, as a vector across the plane's normal, passes the flat position as a particle
+# passes the tip of a cone: the lowest point runs round the rim within the time tilt / rate, and the
+# contact force is the larger the closer the flat position is passed (Srinivasan and Ruina, "Rocking
+# and rolling: A can that appears to rock might actually roll", Phys. Rev. E 78, 2008). A long step
+# may have no stage within that time and would pass straight through the flat position. So steps are
+# shortened until they resolve it. A rim that falls straight to flat slams: its next point touches.
 
 
 NEARLY_FLAT = 1e-7
-"""Tilt [rad] below which a rim that falls straight to flat keeps its lowest point; above, it may
-still be turned aside."""
+"""Tilt [rad] below which a rim that falls straight to flat slams."""
 MISSED = 0.5 * FLAT
-"""Tilt [rad] by which it may miss flat then: as its next point touches, it lies within FLAT."""
+"""Largest tilt [rad] at closest approach of a rim that slams."""
 TURNED, LEANS = 0.5, 0.9
-"""Cosine of the angle by which the lean of a rim may turn in a step, and sine of the tilt above
-which it may turn as it likes."""
+"""TURNED: cosine of the largest angle by which the tilt vector may turn in a step. LEANS: sine of
+the tilt above which it may turn by any angle."""
 SHALLOW, PART = 1e-5, 0.02
-"""SHALLOW: tilt [rad] below which rounding turns the direction of tilt by more than a tolerance.
-PART: fraction of the time of a swing that a step of order 8 follows to rounding."""
+"""SHALLOW: tilt [rad] below which rounding turns the tilt vector by more than a tolerance. PART:
+step of order 8, relative to tilt / rate, whose error is rounding."""
 ROUND, ROUND_PART, NEARER = 0.3, 0.03, 0.5
-"""Parts of the time of a swing that a step of fixed length may take; that one takes which is too
-long; and that one takes of a rim that goes straight to flat as yet."""
+"""ROUND: largest fixed step relative to tilt / rate. ROUND_PART, NEARER: step that is taken instead
+of a longer one, if the lowest point runs round, or if the rim still falls straight to flat."""
 STRAIGHT = 0.99995
-"""Cosine of the angle between where a rim leans and where it goes from which on it is straight."""
+"""Cosine of the angle between tilt and its rate above which a rim falls straight."""
 
 
 def is_held(table, c):
-    """True if a point of the rim that contact c is a point of is held."""
+    """Whether any point of the rim of contact c is in contact."""
     for other in range(table.shape[0]):
         if table[other, RIM] == table[c, RIM] and table[other, CLOSED] == 1.0:
             return True
@@ -125,7 +123,7 @@ def is_held(table, c):
 
 
 def note_lean(table, c):
-    """How a rim leans, and goes on; one that nothing holds has no point to keep."""
+    """Set the tilt of a rim at the start of a step, and the time and direction of its fall."""
     for i in range(LEAN_WIDTH):
         table[c, LEAN_BEFORE + i] = table[c, LOW + i]
     table[c, SWING], table[c, NEARS] = FREE, 0.0
@@ -148,7 +146,7 @@ def note_lean(table, c):
 
 
 def lean_rate(table, c):
-    """Rate [rad/s] of the axis of a rim across the normal, as its support sees it."""
+    """Rate [rad/s] of the tilt vector of a rim relative to its support."""
     lean, n = vec(table, c, AXIS), vec(table, c, NORMAL)
     upright = max(0.0, 1.0 - dot(lean, lean)) ** 0.5
     rate = cross(vec(table, c, RELATIVE_SPIN), add(lean, scale(upright, n)))
@@ -156,7 +154,7 @@ def lean_rate(table, c):
 
 
 def lean_has_turned(table, c):
-    """True if the low point of the rim has gone too far round it in the step."""
+    """Whether the lowest point of a rim has moved too far round it in the step."""
     lean, before = vec(table, c, AXIS), vec(table, c, LEAN_BEFORE + 3)
     least, most = min(norm(lean), norm(before)), max(norm(lean), norm(before))
     if least <= FLAT or least > LEANS or abs(table[c, LEAN_BEFORE + 6]) == SLAMS:
@@ -165,8 +163,7 @@ def lean_has_turned(table, c):
 
 
 def end_for_rims(system, t0, t1):
-    """Where the step from t0 to t1 has to end, at the latest, for rims that are held; the tables
-    are those of t1."""
+    """Latest end of the step from t0 to t1 for rims in contact [s]; the tables are those of t1."""
     table, end = system.contact_table, t1
     for c in range(table.shape[0]):
         if table[c, RIM] >= 0.0 and table[c, CLOSED] == 1.0 and lean_has_turned(table, c):
@@ -175,8 +172,7 @@ def end_for_rims(system, t0, t1):
 
 
 def before_swing(method, system, t0, t1):
-    """Where the step from t0 to t1 has to end, at the latest, if its length is fixed, for rims that
-    are held and whose low point would go far round in it."""
+    """Latest end of a fixed step from t0 to t1 for rims whose lowest point would run far round."""
     table, end = system.contact_table, t1
     if method.setting[1] != 0.0:
         return end
@@ -189,9 +185,8 @@ def before_swing(method, system, t0, t1):
 
 
 def step_of_swings(system):
-    """A length of step that follows each rim that is held and hardly misses flat, however fast its
-    low point goes round it; 0 without one.  All that shorter steps would follow is how rounding
-    turns its lean."""
+    """Smallest useful step for rims that pass very close to flat [s]; 0 without such rims. Shorter
+    steps would only resolve how rounding turns the tilt."""
     table, least = system.contact_table, FREE
     for c in range(table.shape[0]):
         if table[c, CLOSED] == 1.0 and norm(vec(table, c, LEAN_BEFORE + 3)) < SHALLOW:
@@ -200,14 +195,14 @@ def step_of_swings(system):
 
 
 def turned_by_rounding(table, c):
-    """Angle [rad] by which rounding turns the lean of the rim of contact c at the start of the
-    step, while its low point goes round; 0 of others."""
+    """Angle [rad] by which rounding turns the tilt vector of contact c's rim at the start of the
+    step; 0 unless its lowest point runs round."""
     goes = table[c, CLOSED] == 1.0 and table[c, SWING] < FREE and abs(table[c, NEARS]) < STRAIGHT
     return TWO_ULPS / norm(vec(table, c, LEAN_BEFORE + 3)) if goes else 0.0
 
 
 def natural_force(system):
-    """Unit of force of the scene, m v^2 / l, of its mass, speed and length [N]."""
+    """Unit of force of the scene, m v^2 / l, from its mass, speed and length [N]."""
     return system.mass * system.speed * system.speed / system.length
 
 
@@ -217,11 +212,11 @@ def natural_turning(system):
 
 
 def approach(system, c):
-    """Event function of an open contact: positive while it does not touch, and as large as the gap,
-    by which a look inside a step tells how far it may be off.
+    """Event function of an open contact: its gap in units of the scene's length.
 
-    What leaves a damped support is open while it still overlaps, until its force would push again;
-    the function has no jump where the overlap ends.
+    A body that leaves a damped support is open although it still overlaps, until the support would
+    push again; then the function is the negative force, and it is continuous at the end of the
+    overlap.
     """
     table, level = system.contact_table, system.contact_table[c, GAP] / system.length
     if table[c, LEAN_SIGN] == ABSENT:
@@ -233,24 +228,23 @@ def approach(system, c):
 
 
 def slip_level(system, c, slip):
-    """Event function of a slipping contact: its slip along the direction of before."""
+    """Event function of a slipping contact: its slip along the previous direction."""
     return SHARP * dot(slip, vec(system.contact_table, c, SLIP_DIRECTION)) / system.speed
 
 
 def rolling(table, c):
-    """Relative angular velocity across the normal: that about it, which the normal takes along as
-    it turns, is no rolling."""
+    """Relative angular velocity across the normal [rad/s], without spinning."""
     turn, n = vec(table, c, RELATIVE_SPIN), vec(table, c, NORMAL)
     return sub(turn, scale(dot(turn, n), n))
 
 
 def roll_level(system, c, roll):
-    """Event function of rolling that slides: its rate along the direction of before."""
+    """Event function of a rolling contact that moves: its rate along the previous direction."""
     return dot(roll, vec(system.contact_table, c, ROLL_DIRECTION)) / natural_turning(system)
 
 
 def tail(system, k):
-    """Size of the multipliers of rows k and k + 1."""
+    """Norm of the multipliers of rows k and k + 1."""
     x, z = system.vectors[MULTIPLIERS, k], system.vectors[MULTIPLIERS, k + 1]
     return (x * x + z * z) ** 0.5
 
@@ -289,7 +283,7 @@ def normal_force_events(system, c):
 
 
 def event_of(table, c, i):
-    """The kind of event at which the i-th event function of contact c vanishes."""
+    """The kind of event at which event function i of contact c vanishes."""
     if i == 0:
         return LIFT_OFF if table[c, CLOSED] == 1.0 else TOUCH_DOWN
     if i == AT_SLIP:
@@ -302,10 +296,8 @@ def event_of(table, c, i):
 
 
 def lowest_level(system):
-    """(lowest, code) over all event functions, which are written into the table of contacts.
-
-    After `contact_accelerations`.
-    """
+    """(least value, code of its event) of all event functions, which are written into the table of
+    contacts. Call after `contact_accelerations`."""
     table, lowest, code = system.contact_table, FREE, -1
     for c in range(table.shape[0]):
         for i in range(EVENT_FUNCTION_KINDS):
@@ -326,15 +318,15 @@ def lowest_level(system):
 
 
 def in_rigid_flight(table, c):
-    """Whether contact c is open and rigid: an impact ends that."""
+    """Whether contact c is open and rigid, so that it closes by an impact."""
     return table[c, CLOSED] == 0.0 and table[c, COMPLIANT] == 0.0
 
 
 def level_rates(system, t, y):
     """Rates of the event functions at (t, y), shape (contacts, EVENT_FUNCTION_KINDS).
 
-    After `contact_accelerations` and `lowest_level`; of the tables only that of the contacts is
-    left as it was, with rates of slip and rolling in it.
+    Call after `contact_accelerations` and `lowest_level`. It changes all tables except that of the
+    contacts, into which it writes the rates of slip and rolling.
     """
     table = system.contact_table
     rates, least = np.zeros((table.shape[0], EVENT_FUNCTION_KINDS)), FREE

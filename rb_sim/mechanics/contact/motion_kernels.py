@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""The laws of motion, the samples and the way back to the manifold of bodies in contact."""
+"""Rates, samples and projection onto the manifold of bodies in contact."""
 
 from __future__ import annotations
 
@@ -68,15 +68,13 @@ from rb_sim.numerics.kernels import call_law, pointer
 from rb_sim.numerics.linear_solves import solve_semidefinite
 from rb_sim.numerics.vectors import add, cross, rotate, scale, sub
 
-# The way back to the manifold of bodies in contact, on the rows that hold alone.
-#
-# Most of a body's contacts are open most of the time; their rows are zero, and a factorisation
-# that carries them along costs as if they were not.
+# Projection onto the manifold, with the active rows alone: most contacts are open most of the time,
+# and their rows, which are zero, would cost as much as others.
 
 
 def fill_symmetric(system, holding, holonomic_only):
-    """A = G M^-1 G^T of the rows that hold; with holonomic_only the other rows become those of
-    the identity."""
+    """A = G M^-1 G^T of the active rows; with holonomic_only the other rows are those of the
+    identity."""
     rows, row_table = system.rows, system.row_table
     for m in range(holding):
         i = row_table[m, ACTIVE]
@@ -95,7 +93,7 @@ def fill_symmetric(system, holding, holonomic_only):
 
 
 def response_of_rows(system, holding, holonomic_only):
-    """response = M^-1 G^T x, with A x = the right side."""
+    """response = M^-1 G^T x, with A x = RIGHT."""
     fill_symmetric(system, holding, holonomic_only)
     x, row_table = system.vectors[MULTIPLIERS], system.row_table
     solve_semidefinite(
@@ -115,14 +113,14 @@ def response_of_rows(system, holding, holonomic_only):
 
 
 class HoldingRows(NamedTuple):
-    """The rows of a system that hold."""
+    """The active rows of a system."""
 
     system: Any
 
 
 @position_error.register(HoldingRows)
 def error_of_holding(way, t, y):
-    """Largest error of the holonomic rows that hold [m], and how many rows hold."""
+    """Largest error of the active holonomic rows [m], and the number of active rows."""
     system, worst = way.system, 0.0
     write_all_rows(system, t, y, False)
     holding = find_holding(system, AMONG_POSITIONS)
@@ -135,16 +133,14 @@ def error_of_holding(way, t, y):
 
 @correct_positions.register(HoldingRows)
 def correct_holding(way, t, y, holding):
-    """Displace the bodies along the rows that hold, by what their errors demand."""
+    """Displace the bodies along the active rows by the errors of these."""
     response_of_rows(way.system, holding, True)
     move_by_response(way.system, y)
 
 
 def bring_positions(system, t, y):
-    """y with g(q) = 0, in place; returns the largest error that it met last [m].
-
-    The rows are those of y afterwards.
-    """
+    """Project y onto g(q) = 0, in place; returns the last error [m]. The rows are then those of
+    y."""
     worst, written = return_to_positions(HoldingRows(system), t, y, system.length, 0.0)
     if not written:
         write_all_rows(system, t, y, False)
@@ -152,9 +148,9 @@ def bring_positions(system, t, y):
 
 
 def bring_to_manifold(system, t, y):
-    """y with unit quaternions and on the manifold, in place; position first, then velocity.
+    """Project y onto the manifold, in place: unit quaternions, then positions, then velocities.
 
-    A state from which the manifold is out of reach (the step was absurd) becomes NaN.
+    y becomes NaN if the projection fails, e.g. after a far too large step.
     """
     clear_response(system)
     move_by_response(system, y)
@@ -172,7 +168,7 @@ def bring_to_manifold(system, t, y):
 
 
 def contact_rate(system, t, y, dy):
-    """Velocities and accelerations of the bodies, and last the power of the contacts [W]."""
+    """Write velocities and accelerations of the bodies, then the power of the contacts [W]."""
     moving(system, t, y, False)
     put_rates(system, y, dy)
     dy[WIDTH * system.bodies.shape[0]] = power_of_contacts(system, y)
@@ -192,7 +188,7 @@ def project_by_address(system, t, y):
 
 
 def reported_state(table, c):
-    """Open, slip, or stick/roll."""
+    """Logged state of contact c: 0 open, 1 slip, 2 stick or roll."""
     if table[c, CLOSED] == 0.0:
         return 0.0
     if table[c, SLIDE] == STUCK:
@@ -201,9 +197,10 @@ def reported_state(table, c):
 
 
 def put_contact_reactions(system, y, out, first):
-    """Reactions of constraints and contacts: force, torque about the anchor, anchor; world axes.
+    """Write the reactions of constraints and contacts: force, torque about the anchor, anchor;
+    world axes. Returns the index after them.
 
-    members[o, 0] is the part whose anchor counts, or -1 - body for the centre of mass.
+    members[o, 0] is the part whose anchor is used, or -1 - body for the centre of mass.
     """
     members, joints = system.members, system.joints
     write_anchors(system, y)

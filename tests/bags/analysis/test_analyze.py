@@ -29,7 +29,6 @@ from rb_sim.cli.verbs.analyze import analyze as verb
 from tests.bags.analysis import foreign
 from tests.bags.scenes import PUSHED, record_run
 from tests.browser import ask
-from tests.interpreted import interpreted
 
 CUBE = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
 
@@ -57,7 +56,7 @@ def test_poses_of_anybody(tmp_path, make):
 
 def test_a_recorded_run_agrees_with_its_wrenches(tmp_path):
     """Gravity is all that acts on the thrown box; total momentum and energy balance."""
-    bag = interpreted(_long_run, tmp_path / "bag")
+    bag = _long_run(tmp_path / "bag")
     reported = analyze(bag).as_dict()
     box = reported["bodies"]["box"]
     assert box["wrench"]["Fz"]["mean"] == pytest.approx(-2.0 * 9.81, rel=1e-6)

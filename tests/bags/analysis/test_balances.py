@@ -27,7 +27,6 @@ from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.load import scene_from_mapping
 from tests.bags.analysis import foreign
 from tests.bags.scenes import Commander, record_node
-from tests.interpreted import interpreted
 
 M, G = 2.0, 9.81
 BODY = {"mass": M, "inertia": [0.1, 0.2, 0.3]}
@@ -288,7 +287,7 @@ def _node(folder: Path, reset_at: int, set_at: int) -> Path:
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory) -> Path:
     pytest.importorskip("rclpy")
-    return interpreted(_node, tmp_path_factory.mktemp("node") / "bag", 40, 80)
+    return _node(tmp_path_factory.mktemp("node") / "bag", 40, 80)
 
 
 def test_nothing_is_balanced_across_a_reset_or_a_state_that_was_set(bag):
@@ -325,7 +324,7 @@ def test_the_work_of_commands_that_change(bag):
 def test_commands_in_body_axes_and_a_reset(tmp_path):
     """The box that turns at 2 rad/s, sampled 50 times a second."""
     pytest.importorskip("rclpy")
-    found = analyze(interpreted(record_node, tmp_path / "bag"))
+    found = analyze(record_node(tmp_path / "bag"))
     assert found.balance is not None
     assert found.balance["stretches"] == 2
     assert abs(found.balance["energy"]["error"]) < 1e-4 * found.balance["energy"]["scale"]

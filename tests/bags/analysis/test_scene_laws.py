@@ -18,7 +18,6 @@ from rb_sim import load_scene
 from rb_sim.bags.analysis.recorded_run import analyze, coordinates
 from rb_sim.bags.analysis.scene_laws import SceneLaws
 from tests.bags.scenes import record_run
-from tests.interpreted import interpreted
 
 SCENES = {"heavy_top": 0.05, "pendulum": 0.3, "rolling_disk": 0.2, "stick_slip": 0.05,
           "sphere_off_sphere": 0.03, "turntable": 0.03}  # fmt: skip
@@ -33,7 +32,7 @@ def _run(name: str, duration: float):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_energies_momenta_and_errors(name):
-    block = interpreted(_run, name, SCENES[name])
+    block = _run(name, SCENES[name])
     laws = SceneLaws(load_scene(name))
     found = laws.at(block.t, coordinates(block))
     np.testing.assert_allclose(found.kinetic, block.kinetic_energy, rtol=1e-12, atol=1e-12)
@@ -81,7 +80,7 @@ simulation: {duration: 0.2, method: rk4, step: 1.0e-2, rate: 100}
 
 def test_weight_acts_on_the_bodies_that_it_names(tmp_path) -> None:
     """The recorded total of the balloon is without the stone's weight, as its motion is."""
-    reported = analyze(interpreted(record_run, TWO, tmp_path / "bag")).as_dict()["bodies"]
+    reported = analyze(record_run(TWO, tmp_path / "bag")).as_dict()["bodies"]
     for name, mass, weight in (("stone", 2.0, -9.81), ("balloon", 3.0, 0.0)):
         recorded = {key: reported[name]["recorded"][key]["mean"] for key in ("Fx", "Fz")}
         assert recorded == pytest.approx({"Fx": 0.5 * mass, "Fz": mass * weight}, rel=1e-12)

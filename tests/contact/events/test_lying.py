@@ -18,9 +18,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
+from rb_sim.contact.assembly import velocities
+from rb_sim.contact.events.instant import Instant, leap
 from tests.contact.scenes import G, body, scene, touch
 from tests.contact_runs import contact_run
+from tests.interpreted import interpreted
 
 RADIUS = 0.1
 ROUGH = {"friction": {"type": "rough"}}
@@ -203,3 +207,62 @@ def test_lies_flat_is_refused_where_nothing_can(shape: Any, contact: Any, allowe
     start = body(shape, [0.0, 0.0, 0.3])
     with pytest.raises(RbSimError, match=rf"constraints\.floor.*{allowed}"):
         contact_run(scene(start, touch(lies_flat=True, **contact)), [0.0])
+
+
+# What comes to lie is given no energy: its point runs around the rim, and pushes the harder the
+# less the rim misses flat.
+
+
+FALLEN: dict[str, tuple[list[float], list[float], float, float, float]] = {
+    "leaps while its point runs around": (
+        [-0.5657789498610037, 0.4114755998989118, 0.6172133998483676, 0.3600411499115478],
+        [0, 0, 0], 0.3, 0.1, 3e-3,
+    ),
+    "a step cut where it misses flat": (
+        [-0.4557751374461624, -0.2899082334779215, 0.5755462843119391, -0.6139777804305],
+        [0, 0, 0], 0.8, 0.0, 3e-3,
+    ),
+    "samples where a slip has turned": (
+        [0.5420314059089282, -0.08863364395539232, -0.15013221758244688, -0.8220744184143892],
+        [24.494421571718647, -10.20614153575335, -5.959390222128942], 0.3, 0.1, 1e-3,
+    ),
+}  # fmt: skip
+"""Orientation, rates [rad/s], friction, restitution and tolerance of disks that fall 0.2 m."""
+
+
+@pytest.mark.parametrize("name", FALLEN)
+def test_a_fallen_disk_is_given_no_energy(name: str) -> None:
+    q, rates, mu, restitution, tolerance = FALLEN[name]
+    disk = body(
+        {"type": "disk", "radius": 0.05}, [0, 0, 0.2], orientation=q, angular_velocity=rates
+    )
+    made = scene(disk, touch(mu=mu, restitution=restitution))
+    times = np.linspace(0.0, 1.2, 601).tolist()
+    energy = contact_run(made, times, tolerance=tolerance).trajectory.energy
+    assert float((energy - np.minimum.accumulate(energy)).max()) < 5e-3 * energy[0]
+
+
+def near_flat(tilt: float, length: float) -> tuple[float, float]:
+    """Energy before and after a leap of this length [s] of a disk that falls flat at 30 rad/s, and
+    misses by a part of its tilt."""
+    rates = [30.0, 3.0, 0.0]
+    tilted = {"axis": [-1, 0, 0], "angle": tilt}
+    disk = body({"type": "disk", "radius": 0.05}, [0, 0, 0.05 * tilt], orientation=tilted)
+    moving = disk | {"angular_velocity": rates, "linear_velocity": [0, 0, -0.05 * rates[0]]}
+    motion: Any = Simulation(load_scene(scene(moving, touch(mu=0.3), gravity=False)))._motion
+    at = Instant(motion.laws, motion._call, 0.0, np.array(motion.compiled.y))
+    before = kinetic_energy(at)
+    passed = leap(at, length)
+    assert passed is not None and 0.0 < passed <= length
+    return before, kinetic_energy(at)
+
+
+def kinetic_energy(at: Instant) -> float:
+    u = velocities(at.system, at.y)
+    return float(0.5 * u.ravel() @ np.linalg.solve(at.inverse_mass, u.ravel()))
+
+
+@pytest.mark.parametrize("tilt", [1e-9, 1e-7, 1e-5])
+def test_a_leap_is_shorter_than_a_point_takes_to_run_around(tilt: float) -> None:
+    before, after = interpreted(near_flat, tilt, 1e-6)
+    assert after <= 1.001 * before

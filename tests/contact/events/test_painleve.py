@@ -26,7 +26,6 @@ from rb_sim.contact.events.instant import Instant, bring_back, leap, stopping_im
 from rb_sim.mechanics.contact.contact_bodies import GAP, GAP_RATE
 from tests.contact.scenes import G, ball, scene, touch
 from tests.contact_runs import contact_run
-from tests.interpreted import interpreted
 
 ROD = Path(__file__).resolve().parents[3] / "config" / "painleve_rod.yaml"
 MU, HALF, INERTIA = 1.6, 0.5, 1.0 / 12.0
@@ -171,7 +170,7 @@ def test_a_leap_keeps_what_rolls_on_its_way() -> None:
     """The point of contact of a leaning disk runs on: what keeps it from slipping there is an
     impulse of first order, and the rim neither sinks in nor leaves."""
     rim = touch(**STICKY, lies_flat=False)
-    (error, *left), (half, *_) = (interpreted(one_leap, ROLLING, rim, h)[1] for h in (1e-4, 5e-5))
+    (error, *left), (half, *_) = (one_leap(ROLLING, rim, h)[1] for h in (1e-4, 5e-5))
     assert np.abs(left).max() < 1e-14
     assert error < 1e-4 and half < 0.3 * error
 
@@ -184,7 +183,7 @@ def test_a_leap_holds_what_rests_on_a_support_that_gives_way() -> None:
     law = STICKY | {"compliance": {"stiffness": 3e3}, "surface": surface}
     block = {"mass": 1.0, "inertia": [1e6] * 3, "position": middle.tolist()}
     contact = touch(**law, points=[(-0.1 * normal).tolist()])
-    velocities, _ = interpreted(one_leap, block, contact, 1e-3)
+    velocities, _ = one_leap(block, contact, 1e-3)
     assert np.abs(velocities).max() < 1e-8
 
 

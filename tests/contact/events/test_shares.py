@@ -23,15 +23,22 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from rb_sim import Simulation
+from rb_sim.contact.event_workspace import workspace_for
 from rb_sim.contact.events.shares import Reactions, cones_of, undetermined_at_start
+from rb_sim.contact.modes import lay_out_held
 from rb_sim.mechanics.contact.contact_bodies import (
+    BILATERAL,
     CLOSED,
+    COMPLIANT,
     CONTACT_TABLE_WIDTH,
     NORMAL_SIGN,
     ROLL,
+    ROLLING_ARM,
     SLIDE,
     SPIN,
+    SPINNING_ARM,
     SPRING,
+    STATIC,
 )
 from rb_sim.mechanics.contact.contact_kinematics import NONE, SLIDING, STUCK
 from rb_sim.scene.compile import compile_scene
@@ -113,37 +120,37 @@ def test_the_bounds_of_contacts_by_hand() -> None:
     """Each as a force along the normal: of x = least + self-stress y the normal one, friction over
     its coefficient and torques over their arms.  One that may pull has its side, one that gives way
     pushes as it does, over the unit; what slips or is open has no bound."""
-    contact_table_of = np.zeros((5, CONTACT_TABLE_WIDTH))
-    contact_table_of[:, CLOSED] = 1.0, 1.0, 1.0, 0.0, 1.0
-    contact_table_of[:, SLIDE] = STUCK, STUCK, SLIDING, STUCK, STUCK
-    contact_table_of[0, [ROLL, SPIN]] = STUCK
-    contact_table_of[1, [NORMAL_SIGN, SPIN]] = -1.0, STUCK
-    contact_table_of[2, [SPRING, ROLL, SPIN]] = 6.0, STUCK, NONE
-    laws = [
-        SimpleNamespace(
-            static=mu, rolling_arm=roll, spinning_arm=spin, compliant=soft, bilateral=two
-        )
-        for mu, roll, spin, soft, two in (
-            (0.5, 0.1, 0.2, False, False),
-            (0.4, 0.0, 0.25, False, True),
-            (0.3, 0.05, 0.0, True, False),
-            (0.3, 0.0, 0.0, False, False),
-            (math.inf, 0.0, 0.0, False, False),
-        )
-    ]
-    held = [5, 6, 7, 8, 9, 10, 11, 12, 13, 16, 20, 21, 33, 34, 35]
+    table = np.zeros((5, CONTACT_TABLE_WIDTH))
+    table[:, CLOSED] = 1.0, 1.0, 1.0, 0.0, 1.0
+    table[:, SLIDE] = STUCK, STUCK, SLIDING, STUCK, STUCK
+    table[0, [ROLL, SPIN]] = STUCK
+    table[1, [NORMAL_SIGN, SPIN]] = -1.0, STUCK
+    table[2, [SPRING, ROLL, SPIN]] = 6.0, STUCK, NONE
+    table[:, [STATIC, ROLLING_ARM, SPINNING_ARM, COMPLIANT, BILATERAL]] = (
+        (0.5, 0.1, 0.2, 0.0, 0.0),
+        (0.4, 0.0, 0.25, 0.0, 1.0),
+        (0.3, 0.05, 0.0, 1.0, 0.0),
+        (0.3, 0.0, 0.0, 0.0, 0.0),
+        (math.inf, 0.0, 0.0, 0.0, 0.0),
+    )
+    system: Any = SimpleNamespace(
+        contact_table=table, row_table=np.zeros((36, 2), np.int64), bodies=np.zeros((1, 1)),
+        first_row=np.array([0, 5, 11, 17, 23, 33, 36]), joints=1, length=1.0,
+    )  # fmt: skip
+    at: Any = SimpleNamespace(system=system, workspace=workspace_for(system))
+    held = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 16, 20, 21, 33, 34, 35]
     rng = np.random.default_rng(4)
-    least, stress = rng.normal(size=15), rng.normal(size=(15, 2))
-    system = SimpleNamespace(contact_table=contact_table_of)
-    at: Any = SimpleNamespace(system=system, laws=laws, first=[5, 11, 17, 23, 33])
-    cones = cones_of(at, Reactions(held, least, stress, 3.0))
+    least, stress = rng.normal(size=20), rng.normal(size=(20, 2))
+    count, bounds = lay_out_held(system, at.workspace)
+    assert at.workspace.used[:count].tolist() == held
+    cones = cones_of(at, Reactions(held, least, stress, 3.0, bounds))
 
     def lines(*factors: tuple[int, float]) -> tuple[list[Any], list[Any]]:
         at = [(f, held.index(k)) for k, f in factors]
         return [f * least[i] for f, i in at], [f * stress[i] for f, i in at]
 
-    linear = [[(5, 1.0)], [(5, 1.0), (10, 5.0)], [(5, 1.0), (10, -5.0)]]
-    linear += [[(11, -1.0), (16, 4.0)], [(11, -1.0), (16, -4.0)], [(33, 1.0)]]
+    linear = [[(5, 1.0)], [(33, 1.0)], [(5, 1.0), (10, 5.0)], [(5, 1.0), (10, -5.0)]]
+    linear += [[(11, -1.0), (16, 4.0)], [(11, -1.0), (16, -4.0)]]
     assert len(cones.lin_h) == 6 and len(cones.soc_h) == 4
     for one, h, g in zip(linear, cones.lin_h, cones.lin_G, strict=True):
         values, rows = lines(*one)
@@ -158,8 +165,9 @@ def test_the_bounds_of_contacts_by_hand() -> None:
         values, rows = lines(*one)
         assert_allclose(h, values, rtol=1e-14)
         assert_allclose(g, rows, rtol=1e-14)
-    assert_allclose(cones.soc_h[3], [2.0, *(20.0 * least[[10, 11]])], rtol=1e-14)
-    assert_allclose(cones.soc_G[3], [[0.0, 0.0], *(20.0 * stress[[10, 11]])], rtol=1e-14)
+    at_20 = [held.index(20), held.index(21)]
+    assert_allclose(cones.soc_h[3], [2.0, *(20.0 * least[at_20])], rtol=1e-14)
+    assert_allclose(cones.soc_G[3], [[0.0, 0.0], *(20.0 * stress[at_20])], rtol=1e-14)
 
 
 # Which reactions statics alone does not determine, where bodies are in contact.

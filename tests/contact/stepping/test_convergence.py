@@ -21,7 +21,6 @@ from rb_sim.checks.check import effort_of
 from rb_sim.checks.check_list import CheckList
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import body, scene, touch
-from tests.interpreted import interpreted
 
 SHAPE = {"type": "disk", "radius": 0.1}
 START = body(
@@ -83,7 +82,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     """Where the disk is nearly flat its lowest point runs around the rim within a step, and is
     struck here and there; a wheel that rolls upright, however fast, and a ball are none of that."""
     low = START | {"position": [0.0, 0.0, 0.1], "angular_velocity": [0.3, 0.1, 0.2]}
-    steps, text = interpreted(reported, low, 1e-3, 0.0)
+    steps, text = reported(low, 1e-3, 0.0)
     assert steps > 0 and "contact steps" in text and "try step" in text
     upright = {"axis": [1.0, 0.0, 0.0], "angle": np.pi / 2.0}
     wheel = body(SHAPE, [0.0, 0.0, 0.1], orientation=upright, linear_velocity=[3.0, 0.0, 0.0],
@@ -91,7 +90,7 @@ def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
     round_ = {"type": "sphere", "radius": 0.1}
     ball = body(round_, [0.0, 0.0, 0.15], angular_velocity=[9.0, 2.0, 5.0])
     for start in (wheel, ball):
-        steps, text = interpreted(reported, start, 5e-3, 0.5)
+        steps, text = reported(start, 5e-3, 0.5)
         assert steps == 0 and "contact steps" not in text
 
 
@@ -112,9 +111,9 @@ def paradox(mu: float, step: float = 1e-3) -> tuple[int, str]:
 def test_painleves_paradox_is_told() -> None:
     """A rod whose end slides away from under it jams on a rough floor; on one where friction never
     pulls it down by more than the floor lifts it, it slides."""
-    steps, text = interpreted(paradox, 2.0)
+    steps, text = paradox(2.0)
     assert steps > 0 and "paradox" in text and "event-driven" in text
-    steps, text = interpreted(paradox, 0.3)
+    steps, text = paradox(0.3)
     assert steps == 0 and "paradox" not in text
 
 
@@ -138,7 +137,7 @@ def rolls() -> int:
 
 def test_what_rolls_has_no_paradox() -> None:
     """Its point of contact moves on within the step and has a speed there, but does not slip."""
-    assert interpreted(rolls) == 0
+    assert rolls() == 0
 
 
 def rough_slips(shape: dict[str, Any], low: float) -> tuple[int, str, Any]:
@@ -155,10 +154,10 @@ def rough_slips(shape: dict[str, Any], low: float) -> tuple[int, str, Any]:
 def test_what_may_not_slip_and_does_is_told() -> None:
     """Friction that stops a box beside its middle would lift it, with no push left to rub; as with
     a very large coefficient it goes on for 10 ms.  A ball is stopped at once."""
-    steps, text, run = interpreted(rough_slips, {"type": "box", "size": [0.5, 0.3, 0.1]}, 0.05)
+    steps, text, run = rough_slips({"type": "box", "size": [0.5, 0.3, 0.1]}, 0.05)
     assert 50 < steps < 150 and "a perfectly rough contact slips" in text
     assert run.linear_velocity["body"][5, 0] > 0.2  # it is on its way yet
-    steps, text, run = interpreted(rough_slips, {"type": "sphere", "radius": 0.05}, 0.05)
+    steps, text, run = rough_slips({"type": "sphere", "radius": 0.05}, 0.05)
     assert steps == 0 and "rough" not in text
 
 
@@ -178,18 +177,18 @@ def in_a_bowl(step: float) -> tuple[float, float, float, str]:
 def test_energy_lost_where_a_contact_bears_already_is_told() -> None:
     """Where a step is long its point moves on along a curved wall by more than the step before
     tells, and is struck anew; of second order."""
-    start, lost, restruck, text = interpreted(in_a_bowl, 5e-2)
+    start, lost, restruck, text = in_a_bowl(5e-2)
     assert lost > 0.02 * start
     assert 0.3 * lost < restruck < 3.0 * lost
     assert "contact steps" in text and "try step" in text
-    _, less, _, text = interpreted(in_a_bowl, 1e-2)
+    _, less, _, text = in_a_bowl(1e-2)
     assert less < 0.05 * lost and "contact steps" not in text
 
 
 def test_a_lift_off_where_the_end_could_as_well_push_is_told() -> None:
     """At mu 1.6 it slides into the paradox. A step of 1e-4 s lifts it off there, where the end that
     has borne until then could as well jam, as it does with exact events."""
-    steps, text = interpreted(paradox, 1.6, 1e-4)
+    steps, text = paradox(1.6, 1e-4)
     assert steps > 0 and "paradox" in text
 
 

@@ -133,9 +133,7 @@ def test_corners_share_alike_where_the_block_turns_as_well(
     scene = clamped(3.2, COULOMB, False)
     scene["effects"]["twist"] = {"type": "wrench", "body": "block", "torque": [torque, 0.0, 0.0]}
     scene["simulation"] = method | {"duration": 0.03, "rate": 100.0}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = Simulation(load_scene(scene)).run(check=False)
+    found = Simulation(load_scene(scene)).run(watched=False)
     for finger in FINGERS:
         corners = [np.abs(found.reaction[f"on_{finger}/{i}"].force[1:, 0]) for i in range(1, 9)]
         pushing = [c for c in corners if c.max() > 0.0]

@@ -23,7 +23,6 @@ from rb_sim.contact.stepping.stepping_motion import SteppedContacts
 from rb_sim.scene.compile import compile_method, compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, ball, body, scene, touch
-from tests.interpreted import interpreted
 
 
 def motion_of(mapping: dict[str, Any]) -> SteppedContacts:
@@ -79,7 +78,7 @@ def test_loads_are_those_of_the_middle_of_a_step(start: float) -> None:
     for steps in (1, 4):
         middles = start + 0.01 * (np.arange(steps) + 0.5)
         force = FORCE * np.sin(OMEGA * middles + PHASE)
-        found = interpreted(had_impulse, start, steps)
+        found = had_impulse(start, steps)
         assert found == pytest.approx(0.01 * force.sum(), rel=1e-9)
 
 
@@ -89,7 +88,7 @@ def test_bodies_go_as_their_support_does_at_the_end_of_a_step(start: float, shap
     """By what both have gained in its first half: they lie on what slows down by less than g."""
     for steps in (1, 4):
         wanted = SHAKE * RATTLE * math.cos(RATTLE * (start + 0.01 * steps))
-        assert interpreted(carried, shape, start, steps)[0] == pytest.approx(wanted, abs=5e-5)
+        assert carried(shape, start, steps)[0] == pytest.approx(wanted, abs=5e-5)
 
 
 def bouncing(**more: Any) -> dict[str, Any]:
@@ -119,7 +118,7 @@ def sampled(way: str, upto: float, *times: float) -> tuple[Any, ...]:
 @pytest.mark.parametrize("way", WAYS)
 def test_the_sample_at_the_start_has_the_forces_of_the_first_step(way: str) -> None:
     """And the state of the start."""
-    start, first = interpreted(sampled, way, 0.2, 0.0, 0.01)[3]
+    start, first = sampled(way, 0.2, 0.0, 0.01)[3]
     mapping = bouncing(**WAYS[way])
     y = compile_scene(scene_from_mapping(mapping)).y
     assert np.array_equal(start[:13], y[:13])
@@ -137,4 +136,4 @@ def at_rest(way: str) -> np.ndarray:
 def test_a_ball_on_its_floor_bears_its_weight_from_the_start(way: str) -> None:
     """Less what a spring above it takes."""
     pull = SPRING["stiffness"] * (0.9 - SPRING["rest_length"]) if way != "plain" else 0.0
-    assert_allclose(interpreted(at_rest, way)[13:16], [0.0, 0.0, G - pull], rtol=1e-9)
+    assert_allclose(at_rest(way)[13:16], [0.0, 0.0, G - pull], rtol=1e-9)

@@ -155,6 +155,24 @@ def test_a_box_that_lands_flat_with_e_1_keeps_its_energy(friction: float) -> Non
     assert found.energy[-1] == pytest.approx(found.energy[0], rel=1e-4)
 
 
+def test_friction_without_a_corner_is_that_of_the_normal_forces_of_its_step() -> None:
+    """A table that turns as it slides presses on its front feet: in the very first step, too, the
+    changes of its velocities are those of a run by events."""
+    feet = [[x, y, -0.1] for x in (0.3, -0.3) for y in (0.2, -0.2)]
+    friction = {"type": "regularised", "coefficient": 0.3, "speed": 0.5}
+    moves = {"linear_velocity": [1.0, 0.3, 0.0], "angular_velocity": [0.0, 0.0, 4.0]}
+    mapping = scene(
+        box([0.6, 0.4, 0.2], [0.0, 0.0, 0.1], **moves), touch(points=feet) | {"friction": friction}
+    )
+    ends = []
+    for how in ({"method": "time_stepping", "step": 1e-3}, {"method": "dopri853"}):
+        mapping["simulation"] = {"duration": 1e-3, "rate": 1e3} | how
+        block = Simulation(scene_from_mapping(mapping)).run(watched=False).block
+        ends.append(np.hstack([block.linear_velocity[-1], block.angular_velocity[-1]])[0])
+    began = np.array([1.0, 0.3, 0.0, 0.0, 0.0, 4.0])
+    np.testing.assert_allclose(ends[0] - began, ends[1] - began, rtol=0.01, atol=1e-12)
+
+
 # Loads that are no number: a step that is too long ends a run in one line, whoever meets them.
 
 
