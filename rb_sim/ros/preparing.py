@@ -68,6 +68,7 @@ def prepared(
     def warn(line: str) -> None:
         logger.warning(line)
 
+    say(f"compiles {scene.name}, and looks {discovery:g} s for another node of this name")
     builds = build_interfaces.begin()
     simulation = compiled(scene, say)
     build_interfaces.finish(builds, warn)

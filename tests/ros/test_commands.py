@@ -170,6 +170,8 @@ def test_a_huge_command_ends_the_run_with_one_line_if_asked(
     client.send(force=(1e100, 1e100, 0), torque=(1e100, 1e100, 1e100))  # the most that is taken
     assert node.wait() == 1
     assert "Traceback" not in node.text and "no longer finite" in node.text
+    starts = [line for line in node.text.splitlines() if "[INFO]" in line][0]
+    assert "looks 0 s for another node of this name" in starts
     assert len(applied(tmp_path)) >= 1
 
 
