@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,9 @@ rb_sim run held.yaml --duration 0.1 \\
 """
 
 
+NEEDS_ROS = pytest.mark.skipif(find_spec("rclpy") is None, reason="no rclpy")
+
+
 @pytest.fixture
 def page(tmp_path, monkeypatch):
     """Gives what writes a page of this text, with an empty folder as the present one."""
@@ -67,6 +71,9 @@ def test_a_page_runs_and_names_its_pictures(page):
     [
         ("```output\n1.0 kg", "```output\n2.0 kg", "'2.0 kg' is not in"),
         ("--duration 0.1", "--duration -1", "line"),
+        pytest.param(
+            "run held.yaml", "node nowhere.yaml", "nowhere.yaml: does not exist", marks=NEEDS_ROS
+        ),
         ("rb_sim run", "ls", "only rb_sim is run here"),
     ],
 )
