@@ -493,7 +493,8 @@ class SimulationServices:
             loop.reset()
             self._stopped_at = loop.t
         else:
-            return result.RESULT_FEATURE_UNSUPPORTED, f"got state {target}; must be stopped, playing or paused"
+            allowed = "must be stopped, playing or paused"
+            return result.RESULT_FEATURE_UNSUPPORTED, f"got state {target}; {allowed}"
         return result.RESULT_OK, ""
 
     def _step(self, request: Any, answer: Any) -> Any:
