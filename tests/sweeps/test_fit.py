@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.main import app
 from rb_sim.simulation.sensitivity import NotSmoothError
-from rb_sim.sweeps.fit import correlation, outliers
+from rb_sim.sweeps.fit import outliers
 from rb_sim.sweeps.unknowns import free_numbers
 from tests.cli.process import invoke
 
@@ -378,15 +378,6 @@ def test_noise_has_none(seed) -> None:
     assert outliers(residuals(seed), 0.0) == ()
 
 
-@pytest.mark.parametrize("part", [1, 2])
-def test_they_are_counted_with_their_times(part) -> None:
-    found = residuals(0)
-    found["ball"][part][[7, 100, 250, 333], 1] = 0.5
-    (line,) = outliers(found, 0.0)
-    assert line.startswith("ball: 4 of 400 poses") and "(t = 0.07, 1, 2.5, ... s)" in line
-    assert outliers(found, 1.0) == ()  # on the scale of this motion they are rounding
-
-
 def test_many_are_another_motion() -> None:
     found = residuals(0)
     found["ball"][1][:60, 0] += 0.5
@@ -455,15 +446,6 @@ def test_a_pose_that_is_far_off_is_told():
         "they distort the fit and enlarge its errors",
     )
     assert reported.as_dict()["outliers"] == list(reported.outliers)
-
-
-def test_correlation():
-    """0 for noise, cos(w h) for an oscillation, nothing from few samples."""
-    rng = np.random.default_rng(0)
-    assert abs(correlation([rng.normal(size=(4000, 3))])) < 4.0 / np.sqrt(12_000)
-    wave = np.sin(0.3 * np.arange(4000))[:, None] * np.ones(3)
-    assert correlation([wave]) == pytest.approx(np.cos(0.3), abs=1e-3)
-    assert correlation([np.ones((5, 3))]) == 0.0
 
 
 @pytest.mark.parametrize(
