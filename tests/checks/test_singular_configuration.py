@@ -95,7 +95,7 @@ def followed(
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
     watch = Conditioning(scene, simulation.layout)
-    block = simulation.run().block
+    block = simulation.run(watched=False).block
     for part in np.array_split(np.arange(len(block)), pieces):
         watch.add(cut(block, part))
     return watch.found
@@ -218,7 +218,7 @@ def test_it_is_one_finding_with_time_and_constraint():
     scene = scene_from_mapping(four_bar(2.0))
     simulation = Simulation(scene)
     check_list = CheckList(scene, simulation.layout)
-    block = simulation.run().block
+    block = simulation.run(watched=False).block
     for _ in range(2):
         check_list.add(block, Effort("rk4", 1e-3, None, 1000))
     reported = [
@@ -339,7 +339,7 @@ def test_beyond_a_singular_configuration_no_tighter_tolerance_is_advised() -> No
     mapping["simulation"]["duration"] = 1.5
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
-    block = simulation.run(check=False).block
+    block = simulation.run(watched=False).block
     energies = np.where(block.t > 1.2, 1e-3 * abs(block.kinetic_energy).max(), 0.0)
     check_list = CheckList(scene, simulation.layout)
     jumped = replace(block, kinetic_energy=block.kinetic_energy + energies)
