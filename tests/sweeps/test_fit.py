@@ -378,6 +378,15 @@ def test_noise_has_none(seed) -> None:
     assert outliers(residuals(seed), 0.0) == ()
 
 
+@pytest.mark.parametrize("part", [1, 2])
+def test_they_are_counted_with_their_times(part) -> None:
+    found = residuals(0)
+    found["ball"][part][[7, 100, 250, 333], 1] = 0.5
+    (line,) = outliers(found, 0.0)
+    assert line.startswith("ball: 4 of 400 poses") and "(t = 0.07, 1, 2.5, ... s)" in line
+    assert outliers(found, 1.0) == ()  # on the scale of this motion they are rounding
+
+
 def test_many_are_another_motion() -> None:
     found = residuals(0)
     found["ball"][1][:60, 0] += 0.5
