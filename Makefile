@@ -44,7 +44,7 @@ FLOOR_TESTS := $(addprefix tests/,catalogue/test_spec.py scene/test_load.py scen
   $(addsuffix ],$(addprefix tests/oracles/test_oracles.py::test_case[,heavytop_bruls_cardona \
   pendulum_3rad trans_helix sphere_FK_const disk_steady cylinder_unbalanced stiff_point_spring \
   chaplygin_sleigh))
-FLOOR_TOOLS := pytest pytest-xdist hypothesis
+FLOOR_TOOLS := pytest hypothesis
 # The first two want an empty stderr, where `rb_sim run` notes here that Rerun is absent; the others
 # ask nothing more of a version than their neighbours: one shipped scene of the 25 has all checks.
 FLOOR_OMIT := not off_the_constraint and not writes_bag_recording_plots \
@@ -116,19 +116,20 @@ test-rest:
 
 test-installed: test-floor test-packaging
 
-# A worker takes 15 s to collect all tests: no more of them than cores.
+# A worker takes 6 s of CPU to collect all tests: no more of them than cores.
 # Laws are drafts there: LLVM would take a quarter of the time to make quick what runs once. Tests of
 # nodes, of the oldest versions and of what is installed run the code that users do.
 test-core: export RB_SIM_DRAFT := 1
 test-core: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests --ignore=tests/ros --ignore=tests/packaging
 
-# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); tests of a node wait a lot
+# -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); each node is a process beside
 test-ros: $(VENV)/.test
-	$(VENV)/bin/python -m pytest -q -n $$((2 * $(WORKERS))) tests/ros
+	$(VENV)/bin/python -m pytest -q -n $(WORKERS) tests/ros
 
+# One process: a second would take as long to collect the tests as it takes of them.
 test-floor: .venv-floor/.made
-	.venv-floor/bin/python -m pytest -q -r fE -n $(WORKERS) --dist worksteal $(FLOOR_TESTS) -k '$(FLOOR_OMIT)'
+	.venv-floor/bin/python -m pytest -q -r fE $(FLOOR_TESTS) -k '$(FLOOR_OMIT)'
 
 test-packaging: $(VENV)/.test
 	$(VENV)/bin/python -m pytest -q tests/packaging

@@ -332,7 +332,9 @@ def test_a_bag_that_is_simulated_again_by_a_coarse_method_tells_it(tmp_path: Pat
 def test_a_fit_by_a_coarse_method_tells_it() -> None:
     scene = load_scene(COARSE, **FINE)
     simulation = Simulation(scene, announce=None)
-    tracks = tracks_of_blocks([simulation.run().block], scene, simulation.layout, "truth")
+    tracks = tracks_of_blocks(
+        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+    )
     recording = Recording(tracks, {"top": "top"})
     assert lost_by(scene, recording) == ()
     assert any(line.startswith("energy") for line in lost_by(load_scene(COARSE), recording))

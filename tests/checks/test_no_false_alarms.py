@@ -58,7 +58,7 @@ def test_energy_of_what_stands_still_is_held_against_weight_times_length(
 ) -> None:
     """5e-9 J are 5e-13 m of height of 1000 kg; 2 J are a fifth of a millimetre."""
     simulation = heavy_on_light()
-    block = simulation.run(check=False).block
+    block = simulation.run(watched=False).block
     moved = replace(block, kinetic_energy=block.kinetic_energy + drift * block.t / block.t[-1])
     check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
     check_list.add(moved, Effort("dopri853", None, 1e-10, 10))
@@ -72,7 +72,7 @@ def test_angular_momentum_whose_total_is_zero_is_held_against_that_of_the_bodies
         "simulation": {"duration": 1.0, "rate": 100.0},
     }
     simulation = Simulation(scene)
-    block = simulation.run(check=False).block
+    block = simulation.run(watched=False).block
     wrong = block.angular_momentum + 1e-11 * block.t[:, None] * np.array([0.0, 0.0, 1.0])
     ledger = Ledger(simulation.scene, simulation.layout)
     ledger.add(replace(block, angular_momentum=wrong))

@@ -45,7 +45,7 @@ TIGHT = Effort("dopri853", None, 1e-11, 100)
 def run_of(damped: bool) -> tuple[SampleBlock, SampleLayout]:
     """The long run of the rod, with the air or without."""
     simulation = Simulation(scene_from_mapping(mapping_of(damped)), announce=None)
-    return simulation.run().block, simulation.layout
+    return simulation.run(watched=False).block, simulation.layout
 
 
 def mapping_of(damped: bool) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def test_a_singular_configuration_late_in_a_run_is_told() -> None:
     mapping["simulation"] |= {"rate": 1000.0}
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene, announce=None)
-    block = simulation.run().block
+    block = simulation.run(watched=False).block
     start = replace(block, **{name: getattr(block, name)[:1] for name in ARRAYS})
     still = replace(start, **{name: np.repeat(getattr(start, name), BLOCK, 0) for name in ARRAYS})
     check_list = CheckList(scene, simulation.layout)
@@ -130,7 +130,7 @@ RATE = 1000.0
 def run() -> tuple[SampleBlock, SampleLayout]:
     """A ball thrown along the floor, which slips, then rolls."""
     simulation = Simulation(load_scene("thrown_ball", duration=30.0, rate=RATE), announce=None)
-    return simulation.run().block, simulation.layout
+    return simulation.run(watched=False).block, simulation.layout
 
 
 def found_of_contacts(**columns: np.ndarray) -> tuple[dict[str, Finding], CheckList]:

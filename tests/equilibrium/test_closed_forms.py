@@ -58,45 +58,6 @@ def test_every_shipped_scene_is_in_equilibrium_and_described():
             assert np.abs([force, torque]).max() < EXACT * 600.0
 
 
-def test_sphere_held_has_the_reactions_of_problem_1():
-    a, force, torque = 0.1, (7.0, -4.0, -2.0 * G), (-0.4, -0.7, 0.0)
-    rolling = (
-        5.0 * torque[1] / (7.0 * a) - 2.0 / 7.0 * force[0],
-        -5.0 * torque[0] / (7.0 * a) - 2.0 / 7.0 * force[1],
-        -force[2],
-    )
-    result = shipped("sphere_held")
-    assert result.verdict == "equilibrium" and result.determinate
-    assert result.reactions["floor"].force == pytest.approx(rolling, rel=EXACT)
-
-
-def rough_ladder_wall_friction(alpha, floor, wall, weight):
-    """[min, max] of the upward friction f at the wall: N_wall = (W/2 - f) cot alpha.
-
-    |f| <= wall N_wall bounds it on both sides, N_wall <= floor (W - f) from below.
-    """
-    c = 1.0 / math.tan(alpha)
-    half = 0.5 * weight
-    top = wall * c * half / (1.0 + wall * c)
-    bottom = max(
-        (half * c - floor * weight) / (c - floor),
-        -wall * c * half / (1.0 - wall * c) if wall * c < 1.0 else -np.inf,
-    )
-    return bottom, top
-
-
-def test_ladder_on_two_rough_surfaces_has_the_ranges_of_the_plane_problem():
-    weight, alpha = 15.0 * G, math.radians(55.0)
-    low, high = rough_ladder_wall_friction(alpha, 0.4, 0.25, weight)
-    result = shipped("ladder_rough_wall")
-    assert result.verdict == "indeterminate" and result.indeterminacy == 1
-    assert result.ranges["wall"].force[2] == pytest.approx([low, high], rel=1e-10)
-    normal = (0.5 * weight - np.array([high, low])) / math.tan(alpha)
-    assert result.ranges["wall"].along == pytest.approx(normal, rel=1e-10)
-    assert result.ranges["floor"].force[0] == pytest.approx(normal, rel=1e-10)
-    assert result.ranges["floor"].along == pytest.approx([weight - high, weight - low], rel=1e-10)
-
-
 def point_scene(case):
     """A weightless body at the world origin with the case's contacts and loads at their points."""
     supports = {}

@@ -28,7 +28,6 @@ from rb_sim.cli.verbs.replay import recover, replay
 from rb_sim.io.rerun import viewer
 from rb_sim.io.rerun import viewer as rerun_screenshot
 from tests.bags.scenes import PUSHED, record_run
-from tests.interpreted import interpreted
 
 RERUN = Path(sys.executable).with_name("rerun")
 needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not installed")
@@ -196,7 +195,7 @@ def test_no_viewer_at_all(monkeypatch, tmp_path):
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    return interpreted(record_run, PUSHED, tmp_path_factory.mktemp("film") / "bag")
+    return record_run(PUSHED, tmp_path_factory.mktemp("film") / "bag")
 
 
 def test_without_ffmpeg_it_says_so_at_once(bag, tmp_path, monkeypatch):

@@ -92,63 +92,6 @@ def test_bearings_share_the_axial_force(coordinates: str, floating: str, share: 
     assert bool(indeterminate) == (floating == "none")
 
 
-CRANK, BAR, ROD_MASS, BAR_MASS, START = 0.6, 1.1, 0.8, 1.9, 0.7
-
-
-def parallelogram() -> dict[str, Any]:
-    """Two equal cranks and a coupler on four hinges about y: 20 rows, one degree of freedom."""
-    hinge = {"type": "fixed_axis", "axis_B": [0.0, 1.0, 0.0], "bearing_distance": 0.2}
-    turn = {"axis": [0.0, 1.0, 0.0], "angle": START}
-    down = [-CRANK * math.sin(START), 0.0, -CRANK * math.cos(START)]
-    crank = {"mass": ROD_MASS, "inertia": [0.026, 0.025, 0.002], "orientation": turn}
-    crank["center_of_mass"] = [0.0, 0.0, -0.5 * CRANK]
-    tip = [0.0, 0.0, -CRANK]
-    coupler = {"mass": BAR_MASS, "inertia": [0.01, 0.2, 0.205], "position": down}
-    coupler["center_of_mass"] = [0.5 * BAR, 0.0, 0.0]
-    return {
-        "bodies": {
-            "left": crank,
-            "right": crank | {"position": [BAR, 0.0, 0.0]},
-            "coupler": coupler,
-        },
-        "constraints": {
-            "a": hinge | {"body": "left"},
-            "b": hinge | {"body": "right"},
-            "c": hinge | {"body": "coupler", "parent": "left", "point_A": tip},
-            "d": hinge
-            | {"body": "coupler", "parent": "right", "point_B": [BAR, 0.0, 0.0], "point_A": tip},
-        },
-        "effects": {"weight": DOWN},
-    }
-
-
-def swing(t: np.ndarray) -> np.ndarray:
-    """Angle of the cranks: (2 I_O + m L^2) phi'' = -(m_r + m) g L sin(phi), by SciPy."""
-    inertia = 2.0 * (0.025 + ROD_MASS * (0.5 * CRANK) ** 2) + BAR_MASS * CRANK**2
-    pull = (ROD_MASS + BAR_MASS) * G * CRANK
-
-    def rate(_: float, y: np.ndarray) -> list[float]:
-        return [y[1], -pull / inertia * math.sin(y[0])]
-
-    solution = solve_ivp(rate, (0.0, t[-1]), [START, 0.0], "DOP853", t, rtol=1e-13, atol=1e-14)
-    return solution.y[0]
-
-
-def test_closed_loop() -> None:
-    """A parallelogram linkage against its equation of one degree of freedom."""
-    scene = parallelogram()
-    run = trajectory(scene, duration=0.5, rate=20.0, tolerance=1e-12)
-    x = run.position[:, 2]
-    phi = swing(run.t)
-    expected = np.stack([0.5 * BAR - CRANK * np.sin(phi), 0.0 * phi, -CRANK * np.cos(phi)], axis=-1)
-    assert_allclose(x, expected, atol=1e-10)
-    assert_allclose(run.energy, run.energy[0], rtol=1e-11)
-    assert run.residual.max() <= MANIFOLD
-    indeterminate, rows, freedom = compiled(scene)
-    assert (rows, freedom) == (20, 1)
-    assert indeterminate
-
-
 @pytest.mark.parametrize("floating", ["A", "B"])
 def test_close_bearings_in_space_are_as_exact(floating: str) -> None:
     """Quaternions in the stages of a step are a little off length 1; the lines of close bearings

@@ -139,103 +139,11 @@ def test_a_ball_that_bounces_beside_a_loop_costs_it_no_accuracy(method: str, bou
     assert error(Simulation(scene_from_mapping(scene))) < bound
 
 
-# Lines that depend on each other in bodies that turn as a whole, beside the same without them.
-#
-# Which lines are left out is chosen at the start. Along the world's axes the choice goes bad once
-# the bodies have turned: the way back to the manifold and the stages of implicit steps then
-# divide by next to nothing.
-
-
-WAYS = {
-    "rk4": {"method": "rk4", "step": 0.005},
-    "gauss6": {"method": "gauss6", "step": 0.01},
-    "dopri853": {"method": "dopri853", "tolerance": 1e-10},
-}
-
-
 def watched(scene: dict[str, Any]) -> Any:
     """The run of a scene; whatever a watch finds is an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return Simulation(scene_from_mapping(scene)).run()
-
-
-def turn_between(a: np.ndarray, b: np.ndarray) -> float:
-    """The largest angle between attitudes [rad]."""
-    return float(np.minimum(np.abs(a - b).max(axis=1), np.abs(a + b).max(axis=1)).max()) * 2.0
-
-
-LENGTH_TURNING, APART_TURNING, LEAN = 0.8, 0.6, 0.5
-OUT, DOWN = LENGTH_TURNING * math.sin(LEAN), LENGTH_TURNING * math.cos(LEAN)
-HINGE = {"type": "fixed_axis", "axis_B": [0, 1, 0], "bearing_distance": 0.2}
-TWO_PLANES = {
-    name: {
-        "type": "plane",
-        "body": "coupler",
-        "point_B": [0.5 * APART_TURNING + OUT, 0, 0],
-        "normal_A": n,
-    }
-    for name, n in (("across", [1, 0, 0]), ("along", [0, 0, 1]))
-}
-"""The last pin of a linkage that is held in its plane already."""
-
-
-def linkage(last: dict[str, Any], **run: Any) -> dict[str, Any]:
-    """Two cranks and a coupler on a base that tumbles; last: the pin on the right crank."""
-    bodies: dict[str, Any] = {
-        "base": {"mass": 5.0, "inertia": [0.8, 1.0, 0.9], "angular_velocity": [1.0, 0.3, 0.8]},
-        "coupler": {
-            "mass": 1.9,
-            "inertia": [0.02, 0.2, 0.2],
-            "position": [0.5 * APART_TURNING, 0, -DOWN],
-            "linear_velocity": [1, 0, 0],
-        },
-    }
-    joints: dict[str, Any] = {}
-    for side, x, lean in (("left", 0.0, -1.0), ("right", APART_TURNING, 1.0)):
-        bodies[side] = {
-            "mass": 0.7,
-            "inertia": [0.04, 0.04, 0.01],
-            "position": [x + 0.5 * lean * OUT, 0, -0.5 * DOWN],
-            "orientation": {"axis": [0, 1, 0], "angle": -lean * LEAN},
-        }
-        foot = [0, 0, 0.5 * LENGTH_TURNING]
-        joints[f"foot_{side}"] = HINGE | {"body": side, "parent": "base", "point_B": foot}
-    left = {"body": "coupler", "parent": "left", "point_B": [-0.5 * APART_TURNING - OUT, 0, 0]}
-    joints["pin"] = HINGE | left
-    return {
-        "bodies": bodies,
-        "constraints": joints | {name: joint | {"parent": "right"} for name, joint in last.items()},
-        "simulation": {"duration": 3.0, "rate": 10.0, "project_initial": True} | run,
-    }
-
-
-@cache
-def without_lines_too_many() -> Any:
-    return watched(linkage(TWO_PLANES, method="dopri853", tolerance=1e-12))
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_linkage_on_a_base_that_tumbles_is_as_exact_as_without_lines_too_many(way: str) -> None:
-    """dopri853 erred by 5e-6 at a tolerance of 1e-10, rk4 by 4e-6 where it makes 1e-9 now, and
-    gauss6 went on at no step. Held by planes alone, the last pin has no line too many."""
-    last = {"last": HINGE | {"body": "coupler", "point_B": [0.5 * APART_TURNING + OUT, 0, 0]}}
-    run, sure = watched(linkage(last, **WAYS[way])), without_lines_too_many()
-    for name in ("base", "left", "right", "coupler"):
-        assert np.abs(run.position[name] - sure.position[name]).max() < 2e-9
-        assert turn_between(run.orientation[name], sure.orientation[name]) < 2e-9
-
-
-def test_a_linkage_that_tumbles_above_a_ball_that_bounces() -> None:
-    """Contacts bring other loops, which leave out the same lines; 7e-5 before."""
-    last = {"last": HINGE | {"body": "coupler", "point_B": [0.5 * APART_TURNING + OUT, 0, 0]}}
-    ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [9, 9, 1.0]}
-    scene = linkage(last, method="rk4", step=0.02)
-    scene["bodies"]["ball"] = ball
-    scene["constraints"]["floor"] = {"type": "contact", "body": "ball", "restitution": 0.5}
-    scene["effects"] = {"weight": {"type": "gravity", "bodies": ["ball"]}}
-    run, sure = watched(scene), without_lines_too_many()
-    assert np.abs(run.position["coupler"] - sure.position["coupler"]).max() < 5e-8
 
 
 # Lines in loops are chosen anew after every step: the choice, and linkages in full turns.

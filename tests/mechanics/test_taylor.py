@@ -39,7 +39,6 @@ from rb_sim.mechanics.laws import (
 )
 from rb_sim.motion.traced import TracedMotion, TracedStepper
 from rb_sim.scene.compile import compile_scene
-from tests.interpreted import interpreted
 from tests.mechanics.test_guides import VALLEY, sliding
 from tests.one_body_scenes import EFFECTS, INERTIA, JOINTS, ON_BODY, WEIGHT, Mapping
 from tests.runs import trajectory
@@ -189,8 +188,8 @@ def test_run_split_in_two_is_the_run_in_one(name: str) -> None:
     """Bit for bit, with the cuts off the grid of steps."""
     options = {"method": "taylor", "tolerance": 1e-9, "project_initial": True}
     mapping = RUNS[name] | {"simulation": options}
-    whole = interpreted(split_states, mapping, (1.5,))
-    cut = interpreted(split_states, mapping, (0.25, 0.125, 0.625, 0.5))
+    whole = split_states(mapping, (1.5,))
+    cut = split_states(mapping, (0.25, 0.125, 0.625, 0.5))
     assert cut == whole and whole[0] > 2
 
 
@@ -201,8 +200,8 @@ def test_a_motion_whose_series_ends_takes_one_step(spin: float) -> None:
     body |= {"angular_velocity": [spin, 0.0, 0.0]}
     options = {"method": "taylor", "tolerance": 1e-12, "duration": 50.0, "project_initial": True}
     mapping = HINGED | {"bodies": {"body": body}, "effects": {}, "simulation": options}
-    _, start = interpreted(split_states, mapping, (0.0,))
-    steps, end = interpreted(split_states, mapping, (50.0,))
+    _, start = split_states(mapping, (0.0,))
+    steps, end = split_states(mapping, (50.0,))
     assert steps == 1
     assert (np.abs(end[4]).max() == 0.0) == (spin == 0.0)
     assert_allclose(end[4], start[4], rtol=1e-15)
@@ -300,7 +299,7 @@ def test_a_spring_that_turns_round_at_its_anchor_is_not_leapt_over(tolerance: fl
 
 
 def test_commands_begin_a_new_series() -> None:
-    ours, other = interpreted(commanded)
+    ours, other = commanded()
     assert_allclose(ours, other, rtol=0.0, atol=1e-13)
 
 

@@ -69,7 +69,7 @@ def test_the_pole_is_balanced_over_topics_and_the_bag_tells_how(start, tmp_path:
     computes from each sample acts some samples later, so the closed form does not apply."""
     out = tmp_path / "run"
     node = start(EXAMPLE / "cart_pole.yaml", start_paused=True, real_time_factor=0.2, out=out)
-    command = [sys.executable, EXAMPLE / "balance.py", "--topics", "--seconds", "3"]
+    command = [sys.executable, EXAMPLE / "balance.py", "--topics", "--seconds", "2"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     assert node.stop() == 0

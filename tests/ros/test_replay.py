@@ -23,7 +23,6 @@ from rosgraph_msgs.msg import Clock
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.replay import PlayOptions, play
 from tests.bags.scenes import PUSHED, record_run
-from tests.interpreted import interpreted
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds
 
@@ -31,7 +30,7 @@ from tests.ros.client import NAME, Client, seconds
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
     """A second of a box: 51 samples."""
-    return interpreted(record_run, PUSHED, tmp_path / "bag")
+    return record_run(PUSHED, tmp_path / "bag")
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.main import app
 from rb_sim.simulation.sensitivity import NotSmoothError
-from rb_sim.sweeps.fit import correlation, outliers
+from rb_sim.sweeps.fit import outliers
 from rb_sim.sweeps.unknowns import free_numbers
 from tests.cli.process import invoke
 
@@ -455,15 +455,6 @@ def test_a_pose_that_is_far_off_is_told():
         "they distort the fit and enlarge its errors",
     )
     assert reported.as_dict()["outliers"] == list(reported.outliers)
-
-
-def test_correlation():
-    """0 for noise, cos(w h) for an oscillation, nothing from few samples."""
-    rng = np.random.default_rng(0)
-    assert abs(correlation([rng.normal(size=(4000, 3))])) < 4.0 / np.sqrt(12_000)
-    wave = np.sin(0.3 * np.arange(4000))[:, None] * np.ones(3)
-    assert correlation([wave]) == pytest.approx(np.cos(0.3), abs=1e-3)
-    assert correlation([np.ones((5, 3))]) == 0.0
 
 
 @pytest.mark.parametrize(

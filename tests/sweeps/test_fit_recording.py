@@ -20,7 +20,6 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.fit import FitOptions, fit, set_up
 from tests.bags.analysis.test_balances import with_wrenches
 from tests.bags.analysis.test_foreign import POSE, P, Q, T, pose, writing
-from tests.interpreted import interpreted
 
 TWO = """\
 bodies:
@@ -47,7 +46,7 @@ def options(folder: Path, topics: tuple[str, ...]) -> FitOptions:
 def test_by_the_parts_of_the_topic(tmp_path):
     """/a/pose is of a, /b/pose of b: 2 and 3 m/s."""
     chosen = options(tmp_path, ("/a/pose", "/b/pose"))
-    assert interpreted(fit, chosen) == 0
+    assert fit(chosen) == 0
 
 
 def test_two_that_say_the_same_are_one(tmp_path):

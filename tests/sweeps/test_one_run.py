@@ -18,17 +18,9 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import SceneError
-from rb_sim.sweeps.one_run import PlanRunner, parse, placed, with_default
+from rb_sim.sweeps.one_run import PlanRunner, parse
 from rb_sim.sweeps.plan import load_plan, points
 from rb_sim.sweeps.sweep import MOST, look_over, to_look_at
-
-SCENE = {"bodies": {"top": {"position": [1.0, 2.0, 3.0], "mass": 1.0}}, "effects": {}}
-
-
-def test_a_path_reads_as_keys_and_indices() -> None:
-    assert parse("bodies.top.inertia[0][2]", "f") == ("bodies", "top", "inertia", 0, 2)
-    assert parse("bodies.2nd gear (1).mass", "f") == ("bodies", "2nd gear (1)", "mass")
-    assert parse('bodies["v1.2"].position[0]', "f") == ("bodies", "v1.2", "position", 0)
 
 
 @pytest.mark.parametrize(
@@ -37,29 +29,6 @@ def test_a_path_reads_as_keys_and_indices() -> None:
 def test_what_is_no_path_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(SceneError, match="must be a path like"):
         parse(text, "f")
-
-
-def test_only_the_named_number_changes() -> None:
-    path = parse("bodies.top.position[1]", "f")
-    changed = placed(SCENE, path, 9.0, "p", "f")
-    assert changed["bodies"]["top"] == {"position": [1.0, 9.0, 3.0], "mass": 1.0}
-    assert SCENE["bodies"]["top"]["position"] == [1.0, 2.0, 3.0]
-
-
-@pytest.mark.parametrize(
-    "text", ["bodies.tip.mass", "bodies.top.position[3]", "bodies.top.mass[0]"]
-)
-def test_a_path_to_nowhere_is_refused(text: str) -> None:
-    with pytest.raises(SceneError, match="path"):
-        placed(SCENE, parse(text, "f"), 0.0, text, "f")
-
-
-def test_a_default_that_a_path_goes_through_is_written_out() -> None:
-    defaults = {"bodies": {"top": {"position": [0.0] * 3, "angular_velocity": [0.0] * 3}}}
-    path = parse("bodies.top.angular_velocity[1]", "f")
-    filled = with_default(SCENE, defaults, path)
-    assert placed(filled, path, 2.0, "p", "f")["bodies"]["top"]["angular_velocity"] == [0, 2, 0]
-    assert filled["bodies"]["top"]["position"] == [1.0, 2.0, 3.0]
 
 
 # A sweep whose runs lose accuracy says so, though none of them is watched on its way.

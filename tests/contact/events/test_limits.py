@@ -23,7 +23,6 @@ from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.contact.events import event_motion, limits
 from rb_sim.contact.events.event_motion import STALLED_SPAN, STALLED_STEPS
 from tests.contact.scenes import ball, box, scene, touch
-from tests.interpreted import interpreted
 
 TOOL = "use simulation.method time_stepping for this scene"
 
@@ -51,14 +50,14 @@ def made(mapping: dict[str, Any]) -> str:
 def test_corners_on_edges_whose_normals_differ_are_refused() -> None:
     """Three equal cubes: corners of the third lie on edges of the second, to rounding."""
     equal = stack(0.1, 0.1, 0.1)
-    text = interpreted(made, equal)
+    text = made(equal)
     assert text.startswith("contacts c2/1 and c2/") and text.endswith(TOOL) and "\n" not in text
     equal["simulation"] = {"duration": 1.0, "method": "time_stepping", "step": 1e-3}
-    assert interpreted(made, equal) == "made"
+    assert made(equal) == "made"
 
 
 def test_corners_within_a_face_are_not() -> None:
-    assert interpreted(made, stack(0.1, 0.08)) == "made"
+    assert made(stack(0.1, 0.08)) == "made"
 
 
 def test_a_run_counts_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,5 +179,5 @@ def run_with_a_failing(module: str, name: str) -> str:
 )
 def test_a_run_tells_it_in_one_line(module: str, name: str) -> None:
     """svd: the shares of redundant corners; record_contacts: kernels."""
-    text = interpreted(run_with_a_failing, module, name)
+    text = run_with_a_failing(module, name)
     assert "have no solution: SVD did not converge" in text and "\n" not in text

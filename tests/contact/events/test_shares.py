@@ -45,7 +45,6 @@ from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 from tests.contact.scenes import G, ball, body, box, scene, touch
 from tests.contact_runs import contact_run
-from tests.interpreted import interpreted
 
 
 def tilted(angle: float) -> tuple[np.ndarray, dict[str, Any]]:
@@ -195,8 +194,7 @@ def test_redundant_contacts_are_named() -> None:
     standing = box([0.2, 0.2, 0.2], [0.0, 0.0, 0.1])
     flying = box([0.2, 0.2, 0.2], [0.0, 0.0, 0.5])
     held = scene(standing, upright | {"floor": touch()}, gravity=True)
-    got = interpreted(
-        names_of,
+    got = names_of(
         table(4),
         table(3),
         table(3, friction={"type": "coulomb", "static": 0.5}),
@@ -226,7 +224,7 @@ def test_whether_they_are_does_not_hang_on_units(mass: float, size: float) -> No
         points = (size * np.array(FEET[:feet])).tolist()
         thing = body(shape, [0.0, 0.0, 0.5 * size]) | {"mass": mass}
         mappings.append(scene(thing, touch(points=points)))
-    assert interpreted(names_of, *mappings) == [(), tuple(f"floor/{i}" for i in (1, 2, 3, 4))]
+    assert names_of(*mappings) == [(), tuple(f"floor/{i}" for i in (1, 2, 3, 4))]
 
 
 # A vehicle on more wheels than are needed to carry it, slipping and turning on the spot.
