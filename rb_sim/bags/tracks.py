@@ -31,6 +31,7 @@ from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.extent import reach_of
 from rb_sim.io.messages.robot_description import joints_above, slides
 from rb_sim.io.sink import restarts
+from rb_sim.mechanics.error_scales import held_together
 from rb_sim.mechanics.samples import ContactEvent, centers_of_mass, concatenate, origins
 from rb_sim.numerics.rotations import from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
@@ -172,23 +173,20 @@ class Impacts:
     """Groups of bodies connected by constraints, to find the bodies that an impact affects."""
 
     def __init__(self, scene: Scene) -> None:
-        self._joined = {name: {name} for name in scene.bodies}
-        self._of: dict[str, str] = {}
-        for name, spec in scene.constraints.items():
-            body, parent = spec.body, getattr(spec, "parent", None)  # type: ignore[attr-defined]
-            self._of[name] = body
-            if parent is not None and self._joined[body] is not self._joined[parent]:
-                whole = self._joined[body] | self._joined[parent]
-                self._joined |= dict.fromkeys(whole, whole)
+        index = {name: i for i, name in enumerate(scene.bodies)}
+        specs: dict[str, Any] = dict(scene.constraints)
+        self._of = {name: index[spec.body] for name, spec in specs.items()}
+        parents = {name: getattr(spec, "parent", None) for name, spec in specs.items()}
+        joints = {(self._of[name], index[p]) for name, p in parents.items() if p is not None}
+        group = held_together(joints)
+        self._group = {name: group.get(i, i) for name, i in index.items()}
+        self._of = {name: group.get(i, i) for name, i in self._of.items()}
 
     def times(self, events: Iterable[ContactEvent]) -> dict[str, np.ndarray]:
         """Impact times of each affected body [s]."""
-        found: dict[str, set[float]] = {}
-        for event in events:
-            if any(event.impulse):
-                for body in self._joined[self._of[event.contact.partition("/")[0]]]:
-                    found.setdefault(body, set()).add(event.t)
-        return {body: np.array(sorted(times)) for body, times in found.items()}
+        struck = [(self._of[e.contact.partition("/")[0]], e.t) for e in events if any(e.impulse)]
+        found = {name: {t for of, t in struck if of == g} for name, g in self._group.items()}
+        return {body: np.array(sorted(times)) for body, times in found.items() if times}
 
 
 Array = np.ndarray
