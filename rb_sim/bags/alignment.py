@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import OptimizeResult, least_squares
 
-from rb_sim.bags.info import after_gaps
+from rb_sim.bags.info import after_gaps, between
 from rb_sim.bags.tracks import Track
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.rounding import WRITTEN_ROUNDING
@@ -211,8 +211,7 @@ def _standing(values: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def stretches(track: Track) -> list[slice]:
     """Slices of samples without a gap or restart in between."""
-    edges = sorted({0, *track.anew, *after_gaps(track.t).tolist(), len(track.t)})
-    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+    return between([*track.anew, *after_gaps(track.t).tolist()], len(track.t))
 
 
 def overlap(a: Track, b: Track, clocks: Clocks) -> np.ndarray:

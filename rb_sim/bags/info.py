@@ -17,6 +17,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -69,10 +70,18 @@ KEPT = 20
 """Maximum number of gaps listed individually."""
 
 
-def after_gaps(t: Array) -> NDArray[np.intp]:
-    """Indices of the times that follow a LONG interval."""
+def after_gaps(t: Array, most: float = LONG) -> NDArray[np.intp]:
+    """Indices of the times that follow an interval of more than `most` periods, or a step back."""
     steps = np.diff(t)
-    return 1 + np.flatnonzero(steps > LONG * np.median(steps) if len(steps) else steps)
+    ahead = steps[steps > 0]
+    period = np.median(ahead) if len(ahead) else 0.0
+    return 1 + np.flatnonzero((steps <= 0) | (steps > most * period))
+
+
+def between(cuts: Iterable[int], n: int) -> list[slice]:
+    """Slices of n samples that begin at the cuts."""
+    edges = sorted({0, *cuts, n})
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 class Rates:
