@@ -55,6 +55,12 @@ def linear(t: Array, times: Array, rows: Array, outside: float | None = None) ->
     return np.stack(columns, axis=1)
 
 
+def held(t: Array, times: Array, rows: Array) -> Array:
+    """Rows (m, k), each of which holds until the next, at times t; zero before the first."""
+    before = np.zeros_like(rows, shape=(1, rows.shape[1]))
+    return np.concatenate([before, rows])[np.searchsorted(times, t, side="right")]
+
+
 # Rates and gaps of a stream of times.
 
 

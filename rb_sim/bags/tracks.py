@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.info import forward, joined
+from rb_sim.bags.info import forward, joined, linear
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.transforms import JOINT, POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
 from rb_sim.base.errors import RbSimError, SinkError
@@ -61,7 +61,7 @@ def joint_poses(
 ) -> tuple[dict[str, Poses], str]:
     """Poses of bodies determined by joint states, and a line if these match no joint.
 
-    found: times [s] and positions of each joint, by its name in the bag."""
+    found: times [s] and positions, (n, 1), of each joint, by its name in the bag."""
     above = joints_above(scene)
     joints = {ros_name(name): name for name, spec in above.values() if spec.type != "weld"}
     mine = {joints.get(name, name): series for name, series in found.items()}
@@ -102,7 +102,7 @@ def _placed(
     for name, spec in chain:
         if spec.type == "weld":
             continue
-        value = np.interp(t, *mine[name])[:, None]
+        value = linear(t, *mine[name])
         if slides(spec):
             shift = shift + rotate(turn, value * np.array(spec.guide.direction))
             continue
@@ -340,7 +340,7 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     placed, unmatched = {}, ""
     if scene is not None:
         moved = {name: _joined(parts) for name, parts in joints.items()}
-        placed, unmatched = joint_poses({n: (t, x[:, 0]) for n, (t, x) in moved.items()}, scene)
+        placed, unmatched = joint_poses(moved, scene)
     named = {part for name, track in bodies.items() for part in (track.child, *words(name))}
     of_joints = {body: Track(t, p, q) for body, (t, p, q) in placed.items() if body not in named}
     if not (bodies or of_joints):
