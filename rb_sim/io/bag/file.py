@@ -64,16 +64,15 @@ class BagStream:
         self._draft_end = 0
         self._reserve = path.with_name(f".{path.name}.reserve")
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        mine = False
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self.close()
-            raise
-        try:
+            mine = True
             os.ftruncate(self._file, 0)
             self._keep(reserve)
         except OSError:
-            path.unlink(missing_ok=True)  # an empty file is no part of a bag
+            if mine:
+                path.unlink(missing_ok=True)  # an empty file is no part of a bag
             self.close()
             raise
 

@@ -30,7 +30,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.io.bag.bag_sink import LIBRARY
-from rb_sim.io.bag.batches import BagScan, Batch, Messages
+from rb_sim.io.bag.batches import BagScan, Batch, Messages, by_channel, together
 from rb_sim.io.bag.checked_records import BROKEN_DATABASE, JOURNAL, Damage, Frames, Missing
 from rb_sim.io.bag.file import BagFile
 from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
@@ -123,22 +123,18 @@ class SqliteScan:
         return waiting[-1][1] if waiting else self._last
 
     def _batch(self, rows: list[tuple[int, int, bytes]]) -> Batch:
-        sizes = np.array([len(data) for *_, data in rows], dtype=np.int64)
-        starts = np.cumsum(sizes) - sizes
-        times = np.array([time for _, time, _ in rows], dtype=np.int64)
-        of = np.array([number for number, *_ in rows])
-        buffer = np.frombuffer(b"".join(data for *_, data in rows), np.uint8)
+        buffer, starts, sizes = together([data for *_, data in rows])
+        of, times = np.array([row[:2] for row in rows], dtype=np.int64).T
         first = self.messages
         self.messages += len(rows)
         self.unchecked += len(rows)
         self.bytes += int(sizes.sum())
         self._first = int(times[0]) if self._first is None else self._first
         self._last = int(times[-1])
-        batch: Batch = {}
-        for number in np.unique(of).tolist():
-            at = np.flatnonzero(of == number)
-            batch[number] = Messages(times[at], first + at, buffer, starts[at], sizes[at])
-        return batch
+        return {
+            number: Messages(times[at], first + at, buffer, starts[at], sizes[at])
+            for number, at in by_channel(of)
+        }
 
 
 @contextmanager
