@@ -510,13 +510,14 @@ class Readings:
         topic = channel.topic
         schema = scan.schemas.get(channel.schema_id)
         ros_type = schema.name if schema else ""
+        readable = ros_type in READ and (self._joints or ros_type != JOINT_STATE)
         if topic in self._refused:
             return
         if self._topics is not None and topic not in self._topics:
-            if ros_type in READ:
+            if readable:
                 self._others.add(topic)
             return
-        if ros_type not in READ or (ros_type == JOINT_STATE and not self._joints):
+        if not readable:
             self._unknown[topic] = ros_type or "no type"
             return
         if channel.message_encoding != "cdr":
