@@ -130,10 +130,12 @@ class Interpolated:
 
     def _own(self, t: np.ndarray) -> np.ndarray:
         """Mask of the times that coincide with samples."""
-        after = np.minimum(
-            np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), len(self.track.t) - 1
-        )
-        return np.abs(self.track.t[after] - t) <= WRITTEN_ROUNDING
+        return np.abs(self.track.t[self._next(t)] - t) <= WRITTEN_ROUNDING
+
+    def _next(self, t: np.ndarray) -> np.ndarray:
+        """Index of the sample at or after each time, else of the last one."""
+        after = np.searchsorted(self.track.t, t - WRITTEN_ROUNDING)
+        return np.minimum(after, len(self.track.t) - 1)
 
     @cached_property
     def _turn(self) -> np.ndarray:
@@ -165,8 +167,7 @@ class Interpolated:
 
     def same(self, t: np.ndarray) -> np.ndarray | None:
         """Indices of the samples at these times; None unless every time is that of a sample."""
-        k = np.clip(np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), 0, len(self.track.t) - 1)
-        return k if np.all(np.abs(self.track.t[k] - t) <= WRITTEN_ROUNDING) else None
+        return self._next(t) if self._own(t).all() else None
 
     def of(
         self, values: np.ndarray, t: np.ndarray, spline: Callable[..., Curve] = CubicSpline
