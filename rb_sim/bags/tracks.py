@@ -329,17 +329,15 @@ def _beside(t: Array, struck: Array) -> tuple[int, ...]:
 
 def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     readings = Readings(bag, joints=scene is not None)
-    sources: dict[str, list[Piece]] = {}
-    joints: dict[str, list[Piece]] = {}
+    found: dict[str, dict[str, list[Piece]]] = {kind: {} for kind in (POSE, TWIST, WRENCH, JOINT)}
     for piece in readings.pieces():
-        if piece.kind in (POSE, TWIST, WRENCH):
-            sources.setdefault(piece.source, []).append(piece)
-        elif piece.kind == JOINT:
-            joints.setdefault(piece.child, []).append(piece)
-    bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
+        if piece.kind in found:
+            name = piece.child if piece.kind == JOINT else piece.source
+            found[piece.kind].setdefault(name, []).append(piece)
+    bodies = {name: _track(parts) for name, parts in found[POSE].items()}
     placed, unmatched = {}, ""
     if scene is not None:
-        moved = {name: _joined(parts) for name, parts in joints.items()}
+        moved = {name: _joined(parts) for name, parts in found[JOINT].items()}
         placed, unmatched = joint_poses(moved, scene)
     named = {part for name, track in bodies.items() for part in (track.child, *words(name))}
     of_joints = {body: Track(t, p, q) for body, (t, p, q) in placed.items() if body not in named}
@@ -350,22 +348,16 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
         none = f"{none}, and {unmatched}" if unmatched else none
         why = "; ".join([none, *readings.notes[:MOST_NAMED]])
         raise SinkError(f"{bag}: {why}")
-    reactions = {}
-    for name, parts in sources.items():
-        if parts[0].kind == WRENCH:
-            reactions[name] = Wrenches(*_joined(parts), frame=plain(parts[0].frame))
+    reactions = {
+        name: Wrenches(*_joined(parts), frame=plain(parts[0].frame))
+        for name, parts in found[WRENCH].items()
+    }
     notes = [unmatched] if unmatched else []
-    left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
-    notes += [
-        f"{name}: {count} poses skipped: stamps do not increase"
-        for name, count in left_out.items()
-        if count
-    ]
-    notes += [
-        line
-        for name, parts in sources.items()
-        if parts[0].kind == TWIST and (line := _add_twist(bodies, sources, name))
-    ]
+    for name, track in bodies.items():
+        if count := sum(len(part.t) for part in found[POSE][name]) - len(track.t):
+            notes.append(f"{name}: {count} poses skipped: stamps do not increase")
+    for parts in found[TWIST].values():
+        notes += _add_twist(bodies, found[POSE], parts)
     return Tracks(
         str(bag), bodies | of_joints, reactions, [*readings.notes, *notes],
         composed={inner: name for inner, name in readings.composed.items() if name in bodies},
@@ -383,26 +375,27 @@ def _track(parts: list[Piece]) -> Track:
     return Track(t, values[:, :3], unit(values[:, 3:7]), frame=frame, child=child)
 
 
-def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
+def _add_twist(
+    bodies: dict[str, Track], poses: dict[str, list[Piece]], parts: list[Piece]
+) -> list[str]:
     """Assign a twist to the poses of its body, converted from the axes of its frame (that of the
-    poses, or of the body as in an Odometry). Returns a line if that is not possible; else ""."""
-    t, twist = _joined(sources[source])
+    poses, or of the body as in an Odometry). Returns a line if that is not possible."""
+    source, (t, twist) = parts[0].source, _joined(parts)
     names = [name for name in poses_of(source, bodies) if np.array_equal(t, bodies[name].t)]
     if len(names) != 1:
-        return f"{source}: may belong to any of {', '.join(names)}; not used" if names else ""
-    (name,) = names
-    track, pose = bodies[name], sources[name][0]
-    v, w, axes = twist[:, :3], twist[:, 3:], axes_of(sources[source][0], pose)
+        line = f"{source}: may belong to any of {', '.join(names)}; not used"
+        return [line] if names else []
+    track, pose = bodies[names[0]], poses[names[0]][0]
+    v, w, axes = twist[:, :3], twist[:, 3:], axes_of(parts[0], pose)
+    if not axes:
+        return [
+            f"{source}: its frame {plain(parts[0].frame)} is neither that of the poses, "
+            f"{plain(pose.frame)}, nor the body's: not used"
+        ]
     if axes == "body":
         v, w = rotate(track.orientation, v), rotate(track.orientation, w)
-    elif axes != "world":
-        frame = plain(sources[source][0].frame)
-        return (
-            f"{source}: its frame {frame} is neither that of the poses, {plain(pose.frame)}, nor "
-            "the body's: not used"
-        )
     track.linear_velocity, track.angular_velocity = v, w
-    return ""
+    return []
 
 
 def poses_of(twist: str, names: Iterable[str]) -> list[str]:
