@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import OptimizeResult, least_squares
 
-from rb_sim.bags.info import after_gaps
+from rb_sim.bags.info import after_gaps, between
 from rb_sim.bags.tracks import Track
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.rounding import WRITTEN_ROUNDING
@@ -130,10 +130,12 @@ class Interpolated:
 
     def _own(self, t: np.ndarray) -> np.ndarray:
         """Mask of the times that coincide with samples."""
-        after = np.minimum(
-            np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), len(self.track.t) - 1
-        )
-        return np.abs(self.track.t[after] - t) <= WRITTEN_ROUNDING
+        return np.abs(self.track.t[self._next(t)] - t) <= WRITTEN_ROUNDING
+
+    def _next(self, t: np.ndarray) -> np.ndarray:
+        """Index of the sample at or after each time, else of the last one."""
+        after = np.searchsorted(self.track.t, t - WRITTEN_ROUNDING)
+        return np.minimum(after, len(self.track.t) - 1)
 
     @cached_property
     def _turn(self) -> np.ndarray:
@@ -165,8 +167,7 @@ class Interpolated:
 
     def same(self, t: np.ndarray) -> np.ndarray | None:
         """Indices of the samples at these times; None unless every time is that of a sample."""
-        k = np.clip(np.searchsorted(self.track.t, t - WRITTEN_ROUNDING), 0, len(self.track.t) - 1)
-        return k if np.all(np.abs(self.track.t[k] - t) <= WRITTEN_ROUNDING) else None
+        return self._next(t) if self._own(t).all() else None
 
     def of(
         self, values: np.ndarray, t: np.ndarray, spline: Callable[..., Curve] = CubicSpline
@@ -211,8 +212,7 @@ def _standing(values: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def stretches(track: Track) -> list[slice]:
     """Slices of samples without a gap or restart in between."""
-    edges = sorted({0, *track.anew, *after_gaps(track.t).tolist(), len(track.t)})
-    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+    return between([*track.anew, *after_gaps(track.t).tolist()], len(track.t))
 
 
 def overlap(a: Track, b: Track, clocks: Clocks) -> np.ndarray:

@@ -274,8 +274,7 @@ def overlay(a: Tracks, b: Tracks, found: Differences, path: Path) -> None:
                 entity, values = f"{entity}_rounding", np.zeros(len(values))
             times = rr.TimeColumn(TIMELINE, duration=found.t[name])
             recording.send_columns(entity, [times], rr.Scalars.columns(scalars=values))
-    every = found.series.values()
-    plots = [q for q in UNITS if any(q in s and s[q].max() > found.floors[q] for s in every)]
+    plots, _ = _apart(found)
     views = [rrb.TimeSeriesView(origin=f"apart/{q}", name=f"{q} [{UNITS[q]}]") for q in plots]
     scene = _view(rrb, "A blue, B orange", center, size, origin)
     beside = [rrb.Vertical(*views)] if views else []

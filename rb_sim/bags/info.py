@@ -15,8 +15,9 @@ Rates, gaps and clock jumps of message times are computed in bounded memory.
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,6 +55,12 @@ def linear(t: Array, times: Array, rows: Array, outside: float | None = None) ->
     return np.stack(columns, axis=1)
 
 
+def held(t: Array, times: Array, rows: Array) -> Array:
+    """Rows (m, k), each of which holds until the next, at times t; zero before the first."""
+    before = np.zeros_like(rows, shape=(1, rows.shape[1]))
+    return np.concatenate([before, rows])[np.searchsorted(times, t, side="right")]
+
+
 # Rates and gaps of a stream of times.
 
 
@@ -69,10 +76,18 @@ KEPT = 20
 """Maximum number of gaps listed individually."""
 
 
-def after_gaps(t: Array) -> NDArray[np.intp]:
-    """Indices of the times that follow a LONG interval."""
+def after_gaps(t: Array, most: float = LONG) -> NDArray[np.intp]:
+    """Indices of the times that follow an interval of more than `most` periods, or a step back."""
     steps = np.diff(t)
-    return 1 + np.flatnonzero(steps > LONG * np.median(steps) if len(steps) else steps)
+    ahead = steps[steps > 0]
+    period = np.median(ahead) if len(ahead) else 0.0
+    return 1 + np.flatnonzero((steps <= 0) | (steps > most * period))
+
+
+def between(cuts: Iterable[int], n: int) -> list[slice]:
+    """Slices of n samples that begin at the cuts."""
+    edges = sorted({0, *cuts, n})
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 class Rates:
@@ -244,73 +259,80 @@ def info(bag: Path) -> dict[str, Any]:
 
     Raises SinkError if it is not a bag.
     """
-    return _Info(bag_paths(Path(bag))).read() | {"notes": unlisted(Path(bag))}
+    paths = bag_paths(Path(bag))
+    found = _Info()
+    scans = [found.read(path) for path in paths]
+    damage = [line for scan in scans for line in scan.missing.lines()]
+    metadata = {record.name: record.metadata for scan in scans for record in scan.metadata}
+    headers = [scan.header for scan in scans if scan.header is not None]
+    recorded = metadata.get(RECORD)
+    converted = None if recorded else described_in(paths[0])
+    try:
+        summary = summary_in(metadata.get(SUMMARY_RECORD))
+    except ValueError as error:
+        summary = None
+        damage.append(str(error))
+    topics = {
+        name: {"type": topic.type, "bytes": topic.bytes, **topic.rates.as_dict()}
+        for name, topic in sorted(found.topics.items())
+    }
+    recorded = recorded or converted
+    run = None if recorded is None else run_of(recorded, summary, damage)
+    # converters keep only messages, and thus no summary
+    ended = run is None or run["summarised"] or converted is not None
+    finished = all(scan.complete for scan in scans)
+    return {
+        "path": str(paths[0]),
+        "files": len(paths),
+        "size": sum(path.stat().st_size for path in paths),
+        "library": headers[-1].library if headers else "",
+        "profile": headers[-1].profile if headers else "",
+        "duration": max(0.0, found.last - found.first),
+        "messages": sum(int(topic["count"]) for topic in topics.values()),
+        "run": run,
+        "resets": found.resets,
+        "commands": _commands(topics),
+        "topics": topics,
+        "health": {
+            "finished": finished,
+            "run_ended": ended,
+            "damage": damage,
+            "chunks": sum(scan.chunks for scan in scans),
+            "chunks_without_checksum": sum(scan.unchecked_chunks for scan in scans),
+            "messages_without_checksum": sum(scan.unchecked for scan in scans),
+            "whole": finished and ended and not damage,
+        },
+        "notes": unlisted(Path(bag)),
+    }
+
+
+def _commands(topics: dict[str, Any]) -> dict[str, int]:
+    ending = "/wrench_command"
+    found = {name: t["count"] for name, t in topics.items() if name.endswith(ending)}
+    return {name.removesuffix(ending): count for name, count in found.items()}
+
+
+@dataclass
+class _Topic:
+    """Messages of a topic."""
+
+    type: str = "unknown"
+    bytes: int = 0
+    rates: Rates = field(default_factory=Rates)
 
 
 class _Info:
-    """Collects the contents while the files are read."""
+    """Collects the messages while the files are read."""
 
-    def __init__(self, paths: list[Path]) -> None:
-        self.paths = paths
-        self.rates: dict[str, Rates] = {}
-        self.types: dict[str, str] = {}
-        self.bytes: Counter[str] = Counter()
+    def __init__(self) -> None:
+        self.topics: dict[str, _Topic] = {}
         self.resets: list[float] = []
-        self.damage: list[str] = []
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.chunks = self.unchecked = self.unchecked_messages = 0
-        self.whole = True
-        self.library = self.profile = ""
         self.start: int | None = None
         self.first, self.last = np.inf, -np.inf
         """least and largest log time, relative to `start` [s]: files may come in any order."""
 
-    def read(self) -> dict[str, Any]:
-        for path in self.paths:
-            self._read_file(path)
-        recorded = self.metadata.get(RECORD)
-        converted = None if recorded else described_in(self.paths[0])
-        try:
-            summary = summary_in(self.metadata.get(SUMMARY_RECORD))
-        except ValueError as error:
-            summary = None
-            self.damage.append(str(error))
-        topics = {
-            name: {
-                "type": self.types[name],
-                "bytes": self.bytes[name],
-                **self.rates[name].as_dict(),
-            }
-            for name in sorted(self.types)
-        }
-        recorded = recorded or converted
-        run = None if recorded is None else run_of(recorded, summary, self.damage)
-        # converters keep only messages, and thus no summary
-        ended = run is None or run["summarised"] or converted is not None
-        return {
-            "path": str(self.paths[0]),
-            "files": len(self.paths),
-            "size": sum(path.stat().st_size for path in self.paths),
-            "library": self.library,
-            "profile": self.profile,
-            "duration": max(0.0, self.last - self.first),
-            "messages": sum(int(topic["count"]) for topic in topics.values()),
-            "run": run,
-            "resets": self.resets,
-            "commands": self._commands(topics),
-            "topics": topics,
-            "health": {
-                "finished": self.whole,
-                "run_ended": ended,
-                "damage": self.damage,
-                "chunks": self.chunks,
-                "chunks_without_checksum": self.unchecked,
-                "messages_without_checksum": self.unchecked_messages,
-                "whole": self.whole and ended and not self.damage,
-            },
-        }
-
-    def _read_file(self, path: Path) -> None:
+    def read(self, path: Path) -> Scan:
+        """Read a file; the scan tells the rest of it."""
         scan = scan_of(path)
         for batch in scan.batches():
             topics: dict[str, list[Messages]] = {}
@@ -319,17 +341,11 @@ class _Info:
             for topic, parts in topics.items():
                 self._add(scan, topic, parts)
         for channel in scan.channels.values():
+            topic = self.topics.setdefault(channel.topic, _Topic())
             schema = scan.schemas.get(channel.schema_id)
-            self.types.setdefault(channel.topic, schema.name if schema else "unknown")
-            self.rates.setdefault(channel.topic, Rates())
-        self.damage += scan.missing.lines()
-        self.metadata |= {record.name: record.metadata for record in scan.metadata}
-        self.chunks += scan.chunks
-        self.unchecked += scan.unchecked_chunks
-        self.unchecked_messages += scan.unchecked
-        self.whole &= scan.complete
-        if scan.header is not None:
-            self.library, self.profile = scan.header.library, scan.header.profile
+            if schema is not None and topic.type == "unknown":
+                topic.type = schema.name
+        return scan
 
     def _add(self, scan: Scan, topic: str, parts: list[Messages]) -> None:
         """Add the messages of a topic, which may have several channels, in file order."""
@@ -341,15 +357,11 @@ class _Info:
         t = (times - self.start) * NANO
         self.first = min(self.first, float(t.min(initial=np.inf)))
         self.last = max(self.last, float(t.max(initial=-np.inf)))
-        self.rates.setdefault(topic, Rates()).add(t)
-        self.bytes[topic] += sum(int(messages.size.sum()) for messages in parts)
+        found = self.topics.setdefault(topic, _Topic())
+        found.rates.add(t)
+        found.bytes += sum(int(messages.size.sum()) for messages in parts)
         if topic.endswith(f"/{RESETS}") and len(self.resets) < MOST_RESETS:
             self.resets += np.round(t, 9).tolist()[:MOST_RESETS]
-
-    def _commands(self, topics: dict[str, Any]) -> dict[str, int]:
-        ending = "/wrench_command"
-        found = {name: t["count"] for name, t in topics.items() if name.endswith(ending)}
-        return {name.removesuffix(ending): count for name, count in found.items()}
 
 
 def run_of(record: dict[str, str], summary: Any, damage: list[str]) -> dict[str, Any] | None:

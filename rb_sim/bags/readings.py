@@ -428,7 +428,8 @@ class Readings:
         self._read: set[str] = set()
         self._counts: dict[str, Counter[str]] = {}
         self._damage: list[str] = []
-        self._unknown: dict[str, str] = {}
+        self.other_topics: dict[str, str] = {}
+        """topics without readings, with their types."""
 
     def pieces(self) -> Iterator[Piece]:
         """Yield the readings, chunk by chunk, each chunk followed by the poses composed from it."""
@@ -439,8 +440,8 @@ class Readings:
         first = [[mended(piece) for piece in batch] for batch in first]
         known = [piece for batch in first for piece in batch]
         made = chains(known, self._frames)
-        tree = self._tree = Composed(made, known)
         self.fixed = FixedFrames(known)
+        tree = self._tree = Composed(made, self.fixed)
         frames = {piece.source: piece.frame for piece in known}
         self.inner |= {frames[way.replaced] for way in made}
         self.composed |= {way.replaced: way.name for way in made}
@@ -487,11 +488,6 @@ class Readings:
             lines += [f"{source}: {count} {what}" for what, count in counts.items() if what]
         return lines
 
-    @property
-    def other_topics(self) -> dict[str, str]:
-        """Topics without readings, with their types."""
-        return dict(self._unknown)
-
     def _batch(self, scan: Scan, batch: Batch) -> Iterator[Piece]:
         """Readings of a batch, in the order of the file for each source (which may have several
         channels, or messages of other sources in between)."""
@@ -510,14 +506,15 @@ class Readings:
         topic = channel.topic
         schema = scan.schemas.get(channel.schema_id)
         ros_type = schema.name if schema else ""
+        readable = ros_type in READ and (self._joints or ros_type != JOINT_STATE)
         if topic in self._refused:
             return
         if self._topics is not None and topic not in self._topics:
-            if ros_type in READ:
+            if readable:
                 self._others.add(topic)
             return
-        if ros_type not in READ or (ros_type == JOINT_STATE and not self._joints):
-            self._unknown[topic] = ros_type or "no type"
+        if not readable:
+            self.other_topics[topic] = ros_type or "no type"
             return
         if channel.message_encoding != "cdr":
             self._refused[topic] = f"its messages are {channel.message_encoding!r}, not cdr"

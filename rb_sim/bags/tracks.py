@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.bags.info import forward, joined
+from rb_sim.bags.info import forward, joined, linear
 from rb_sim.bags.readings import Readings
 from rb_sim.bags.transforms import JOINT, POSE, TWIST, WRENCH, FixedFrames, Piece, plain, words
 from rb_sim.base.errors import RbSimError, SinkError
@@ -31,6 +31,7 @@ from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.extent import reach_of
 from rb_sim.io.messages.robot_description import joints_above, slides
 from rb_sim.io.sink import restarts
+from rb_sim.mechanics.error_scales import held_together
 from rb_sim.mechanics.samples import ContactEvent, centers_of_mass, concatenate, origins
 from rb_sim.numerics.rotations import from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene
@@ -60,7 +61,7 @@ def joint_poses(
 ) -> tuple[dict[str, Poses], str]:
     """Poses of bodies determined by joint states, and a line if these match no joint.
 
-    found: times [s] and positions of each joint, by its name in the bag."""
+    found: times [s] and positions, (n, 1), of each joint, by its name in the bag."""
     above = joints_above(scene)
     joints = {ros_name(name): name for name, spec in above.values() if spec.type != "weld"}
     mine = {joints.get(name, name): series for name, series in found.items()}
@@ -101,7 +102,7 @@ def _placed(
     for name, spec in chain:
         if spec.type == "weld":
             continue
-        value = np.interp(t, *mine[name])[:, None]
+        value = linear(t, *mine[name])
         if slides(spec):
             shift = shift + rotate(turn, value * np.array(spec.guide.direction))
             continue
@@ -172,23 +173,20 @@ class Impacts:
     """Groups of bodies connected by constraints, to find the bodies that an impact affects."""
 
     def __init__(self, scene: Scene) -> None:
-        self._joined = {name: {name} for name in scene.bodies}
-        self._of: dict[str, str] = {}
-        for name, spec in scene.constraints.items():
-            body, parent = spec.body, getattr(spec, "parent", None)  # type: ignore[attr-defined]
-            self._of[name] = body
-            if parent is not None and self._joined[body] is not self._joined[parent]:
-                whole = self._joined[body] | self._joined[parent]
-                self._joined |= dict.fromkeys(whole, whole)
+        index = {name: i for i, name in enumerate(scene.bodies)}
+        specs: dict[str, Any] = dict(scene.constraints)
+        self._of = {name: index[spec.body] for name, spec in specs.items()}
+        parents = {name: getattr(spec, "parent", None) for name, spec in specs.items()}
+        joints = {(self._of[name], index[p]) for name, p in parents.items() if p is not None}
+        group = held_together(joints)
+        self._group = {name: group.get(i, i) for name, i in index.items()}
+        self._of = {name: group.get(i, i) for name, i in self._of.items()}
 
     def times(self, events: Iterable[ContactEvent]) -> dict[str, np.ndarray]:
         """Impact times of each affected body [s]."""
-        found: dict[str, set[float]] = {}
-        for event in events:
-            if any(event.impulse):
-                for body in self._joined[self._of[event.contact.partition("/")[0]]]:
-                    found.setdefault(body, set()).add(event.t)
-        return {body: np.array(sorted(times)) for body, times in found.items()}
+        struck = [(self._of[e.contact.partition("/")[0]], e.t) for e in events if any(e.impulse)]
+        found = {name: {t for of, t in struck if of == g} for name, g in self._group.items()}
+        return {body: np.array(sorted(times)) for body, times in found.items() if times}
 
 
 Array = np.ndarray
@@ -331,18 +329,16 @@ def _beside(t: Array, struck: Array) -> tuple[int, ...]:
 
 def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
     readings = Readings(bag, joints=scene is not None)
-    sources: dict[str, list[Piece]] = {}
-    joints: dict[str, list[Piece]] = {}
+    found: dict[str, dict[str, list[Piece]]] = {kind: {} for kind in (POSE, TWIST, WRENCH, JOINT)}
     for piece in readings.pieces():
-        if piece.kind in (POSE, TWIST, WRENCH):
-            sources.setdefault(piece.source, []).append(piece)
-        elif piece.kind == JOINT:
-            joints.setdefault(piece.child, []).append(piece)
-    bodies = {name: _track(parts) for name, parts in sources.items() if parts[0].kind == POSE}
+        if piece.kind in found:
+            name = piece.child if piece.kind == JOINT else piece.source
+            found[piece.kind].setdefault(name, []).append(piece)
+    bodies = {name: _track(parts) for name, parts in found[POSE].items()}
     placed, unmatched = {}, ""
     if scene is not None:
-        moved = {name: _joined(parts) for name, parts in joints.items()}
-        placed, unmatched = joint_poses({n: (t, x[:, 0]) for n, (t, x) in moved.items()}, scene)
+        moved = {name: _joined(parts) for name, parts in found[JOINT].items()}
+        placed, unmatched = joint_poses(moved, scene)
     named = {part for name, track in bodies.items() for part in (track.child, *words(name))}
     of_joints = {body: Track(t, p, q) for body, (t, p, q) in placed.items() if body not in named}
     if not (bodies or of_joints):
@@ -352,22 +348,16 @@ def _of_anybody(bag: Path, scene: Scene | None) -> Tracks:
         none = f"{none}, and {unmatched}" if unmatched else none
         why = "; ".join([none, *readings.notes[:MOST_NAMED]])
         raise SinkError(f"{bag}: {why}")
-    reactions = {}
-    for name, parts in sources.items():
-        if parts[0].kind == WRENCH:
-            reactions[name] = Wrenches(*_joined(parts), frame=plain(parts[0].frame))
+    reactions = {
+        name: Wrenches(*_joined(parts), frame=plain(parts[0].frame))
+        for name, parts in found[WRENCH].items()
+    }
     notes = [unmatched] if unmatched else []
-    left_out = {n: sum(len(p.t) for p in sources[n]) - len(track.t) for n, track in bodies.items()}
-    notes += [
-        f"{name}: {count} poses skipped: stamps do not increase"
-        for name, count in left_out.items()
-        if count
-    ]
-    notes += [
-        line
-        for name, parts in sources.items()
-        if parts[0].kind == TWIST and (line := _add_twist(bodies, sources, name))
-    ]
+    for name, track in bodies.items():
+        if count := sum(len(part.t) for part in found[POSE][name]) - len(track.t):
+            notes.append(f"{name}: {count} poses skipped: stamps do not increase")
+    for parts in found[TWIST].values():
+        notes += _add_twist(bodies, found[POSE], parts)
     return Tracks(
         str(bag), bodies | of_joints, reactions, [*readings.notes, *notes],
         composed={inner: name for inner, name in readings.composed.items() if name in bodies},
@@ -385,26 +375,27 @@ def _track(parts: list[Piece]) -> Track:
     return Track(t, values[:, :3], unit(values[:, 3:7]), frame=frame, child=child)
 
 
-def _add_twist(bodies: dict[str, Track], sources: dict[str, list[Piece]], source: str) -> str:
+def _add_twist(
+    bodies: dict[str, Track], poses: dict[str, list[Piece]], parts: list[Piece]
+) -> list[str]:
     """Assign a twist to the poses of its body, converted from the axes of its frame (that of the
-    poses, or of the body as in an Odometry). Returns a line if that is not possible; else ""."""
-    t, twist = _joined(sources[source])
+    poses, or of the body as in an Odometry). Returns a line if that is not possible."""
+    source, (t, twist) = parts[0].source, _joined(parts)
     names = [name for name in poses_of(source, bodies) if np.array_equal(t, bodies[name].t)]
     if len(names) != 1:
-        return f"{source}: may belong to any of {', '.join(names)}; not used" if names else ""
-    (name,) = names
-    track, pose = bodies[name], sources[name][0]
-    v, w, axes = twist[:, :3], twist[:, 3:], axes_of(sources[source][0], pose)
+        line = f"{source}: may belong to any of {', '.join(names)}; not used"
+        return [line] if names else []
+    track, pose = bodies[names[0]], poses[names[0]][0]
+    v, w, axes = twist[:, :3], twist[:, 3:], axes_of(parts[0], pose)
+    if not axes:
+        return [
+            f"{source}: its frame {plain(parts[0].frame)} is neither that of the poses, "
+            f"{plain(pose.frame)}, nor the body's: not used"
+        ]
     if axes == "body":
         v, w = rotate(track.orientation, v), rotate(track.orientation, w)
-    elif axes != "world":
-        frame = plain(sources[source][0].frame)
-        return (
-            f"{source}: its frame {frame} is neither that of the poses, {plain(pose.frame)}, nor "
-            "the body's: not used"
-        )
     track.linear_velocity, track.angular_velocity = v, w
-    return ""
+    return []
 
 
 def poses_of(twist: str, names: Iterable[str]) -> list[str]:

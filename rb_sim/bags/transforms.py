@@ -289,15 +289,12 @@ MOST_NAMED = 4
 class Composed:
     """Composes the poses of `chains` from readings that arrive in pieces; bounded memory.
 
-    known: the readings in which the chains were found, with the static transforms.
+    fixed: the static transforms.
     """
 
-    def __init__(self, chains: list[Chain], known: Iterable[Piece] = ()) -> None:
-        self._chains = chains
+    def __init__(self, chains: list[Chain], fixed: FixedFrames) -> None:
+        self._chains, self._fixed = chains, fixed
         links = {source for chain in chains for source in (*chain.before, *chain.after)}
-        self._static: dict[str, Array] = {}
-        """pose, shape (1, 7), by source."""
-        self._changed: set[str] = set()
         self._histories = {source: _History() for source in links if not is_static(source)}
         self._links = links
         self._drivers = {chain.driver for chain in chains}
@@ -309,18 +306,13 @@ class Composed:
         self._lost: Counter[str] = Counter()
         self._made: Counter[str] = Counter()
         self._between: Counter[str] = Counter()
-        for piece in known:
-            if is_static(piece.source):
-                self.add(piece)
 
     def add(self, piece: Piece) -> None:
         """Append readings of a source."""
         if piece.source not in self._links and piece.source not in self._drivers:
             return
         if is_static(piece.source) and piece.source in self._links:
-            first = self._static.setdefault(piece.source, piece.values[:1])
-            if not np.array_equal(first.repeat(len(piece.values), axis=0), piece.values):
-                self._changed.add(piece.source)
+            self._fixed.add(piece)
             return
         if self._start is None:
             self._start = int(piece.stamp[0])
@@ -356,7 +348,7 @@ class Composed:
             lines.append(f"{name}: {count} poses skipped: a transform between their frame and "
                          "the root has no stamps close enough before and after them")  # fmt: skip
         lines += [f"{source}: changes, though static: the first is taken"
-                  for source in sorted(self._changed)]  # fmt: skip
+                  for source in sorted(self._fixed.changing & self._links)]  # fmt: skip
         return lines
 
     def _take(self, chain: Chain, last: bool) -> Iterator[Piece]:
@@ -380,10 +372,10 @@ class Composed:
         """Composed poses of a chain at times t of its driver."""
         pose, known, between = _unit(piece.values), np.ones(len(t), bool), np.zeros(len(t), bool)
         for source in chain.after:
-            pose = product(pose, _unit(self._static[source]))
+            pose = product(pose, self._fixed.poses[source])
         for source in chain.before:
-            if source in self._static:
-                parent = _unit(self._static[source])
+            if source in self._fixed.poses:
+                parent = self._fixed.poses[source]
             else:
                 parent, reached, inside = self._histories[source].at(t)
                 known, between = known & reached, between | inside
@@ -483,12 +475,19 @@ class FixedFrames:
     def __init__(self, pieces: Iterable[Piece] = ()) -> None:
         fixed = [p for p in pieces if p.kind == POSE and p.transform and is_static(p.source)]
         self._trees = _trees(fixed)
-        self._poses: dict[str, Array] = {}
-        self._changing: set[str] = set()
+        self._first: dict[str, Array] = {}
         for piece in fixed:
-            first = self._poses.setdefault(piece.source, piece.values[:1])
-            if not (piece.values == first).all():
-                self._changing.add(piece.source)
+            self._first.setdefault(piece.source, piece.values[:1])
+        self.poses = {source: _unit(values) for source, values in self._first.items()}
+        """first pose of each, shape (1, 7), by source."""
+        self.changing: set[str] = set()
+        for piece in fixed:
+            self.add(piece)
+
+    def add(self, piece: Piece) -> None:
+        """Compare readings of a static transform with its first one."""
+        if not (piece.values == self._first[piece.source]).all():
+            self.changing.add(piece.source)
 
     def carrier(self, frame: str, bodies: Container[str]) -> tuple[str, Array] | None:
         """Nearest ancestor of a frame among `bodies`, and the frame's pose in it, (7,).
@@ -498,10 +497,10 @@ class FixedFrames:
         found = []
         for links in self._trees.values():
             way, above = _way(plain(frame), links, bodies) or ((), "")
-            if way and above in bodies and not self._changing.intersection(way):
+            if way and above in bodies and not self.changing.intersection(way):
                 pose = HERE
                 for source in way:
-                    pose = product(_unit(self._poses[source]), pose)
+                    pose = product(self.poses[source], pose)
                 found.append((above, pose[0]))
         same = all(f == found[0][0] and np.array_equal(p, found[0][1]) for f, p in found)
         return found[0] if found and same else None

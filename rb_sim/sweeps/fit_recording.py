@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rb_sim.bags.info import held
 from rb_sim.bags.resim import Inputs, blocks
 from rb_sim.bags.tracks import Tracks, Wrenches
 from rb_sim.bags.transforms import WORLD, carried_over, topic_of, words
@@ -143,11 +144,6 @@ class _Signal:
     t: np.ndarray
     values: np.ndarray
     own: np.ndarray
-
-    def held(self, t: np.ndarray) -> np.ndarray:
-        """The last wrench at each time; zero before the first."""
-        at = np.searchsorted(self.t, t, side="right")
-        return np.concatenate([np.zeros((1, 6)), self.values])[at]
 
 
 class _Acting:
@@ -283,7 +279,7 @@ def _sum(body: str, signals: dict[str, _Signal]) -> _Signal:
             "must be in the same"
         )
     t = np.unique(np.concatenate([signal.t for signal in parts]))
-    total = np.sum([signal.held(t) for signal in parts], axis=0)
+    total = np.sum([held(t, signal.t, signal.values) for signal in parts], axis=0)
     return _Signal(t, total, np.full(len(t), own[0]))
 
 

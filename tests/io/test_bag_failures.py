@@ -115,7 +115,7 @@ def test_recover_that_is_broken_off_leaves_nothing(record, tmp_path, monkeypatch
     """Half a copy would be in the way of the next try; the source is there still."""
     bag = record(tmp_path / "bag")
     with monkeypatch.context() as patched:
-        patched.setattr("rb_sim.io.bag.folder._copy_batch", Mock(side_effect=trouble))
+        patched.setattr("rb_sim.io.bag.folder.BagFile.add_message", Mock(side_effect=trouble))
         with pytest.raises((KeyboardInterrupt, SinkError)):
             recover_bag(bag)
     assert not (tmp_path / "bag_recovered").exists()

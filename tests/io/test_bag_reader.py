@@ -57,7 +57,7 @@ def test_every_message_is_read_wherever_the_last_sample_ends(topics, messages, t
     bag = BagFile(tmp_path / "bag", "test")
     channels = [bag.add_channel(f"/{i}", "a/msg/B", b"string data", "") for i in range(topics)]
     for k in range(messages):
-        bag.write(channels[k % topics], k, k, bytes(1 + k % topics))
+        bag.add_message(channels[k % topics], k, k, bytes(1 + k % topics))
     bag.finish()
     scan = BagScan(bag.path)
     found = [(k, len(m.data(i))) for batch in scan.batches() for m in batch.values()

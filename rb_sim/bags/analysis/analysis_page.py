@@ -36,6 +36,7 @@ from rb_sim.bags.analysis.figures import (
     sizes_of,
     unit_of,
 )
+from rb_sim.bags.info import linear
 from rb_sim.bags.transforms import POSE
 from rb_sim.base.errors import MissingExtraError, SinkError
 from rb_sim.base.palette import AXES, BAD, BLACK, BLUE, CYCLE, FAINT, GRID
@@ -142,14 +143,11 @@ class Aligned:
         t = np.unique(first)
         found = {"t": t}
         for source, (names, thinned) in self._sources.items():
-            rows = thinned.rows
-            own, index = np.unique(rows[:, 0], return_index=True)
-            same = np.array_equal(own, t)
-            for k, name in enumerate(names):
-                values = rows[index, 1 + k]
-                found[f"{source}.{name}"] = (
-                    values if same else np.interp(t, own, values, left=np.nan, right=np.nan)
-                )
+            own, index = np.unique(thinned.rows[:, 0], return_index=True)
+            values = thinned.rows[index, 1:]
+            if not np.array_equal(own, t):
+                values = linear(t, own, values, outside=np.nan)
+            found |= {f"{source}.{n}": column for n, column in zip(names, values.T, strict=True)}
         return found
 
     def units(self) -> dict[str, str]:

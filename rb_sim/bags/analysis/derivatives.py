@@ -27,7 +27,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.ndimage import convolve1d
 from scipy.signal import savgol_coeffs
 
-from rb_sim.bags.info import GAP, LOST
+from rb_sim.bags.info import GAP, LOST, after_gaps, between
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.numerics.rotations import conjugate, continuous, cross, product, rotate, unit
 
@@ -101,13 +101,7 @@ Jump = tuple[float, float]
 
 def pieces(t: np.ndarray) -> list[slice]:
     """Slices of t without a gap or a step back."""
-    if len(t) < 2:
-        return [slice(0, len(t))]
-    steps = np.diff(t)
-    period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    cuts = np.flatnonzero((steps <= 0) | (steps > GAP * period)) + 1
-    edges = [0, *cuts.tolist(), len(t)]
-    return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+    return between(after_gaps(t, GAP).tolist(), len(t))
 
 
 def filled(t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -172,8 +172,8 @@ class Balances:
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
         self._ledger = Ledger(scene, layout)
-        self._energy: dict[str, Any] | None = None
-        self._momentum: dict[str, Any] | None = None
+        self._totals: dict[str, dict[str, Any]] = {}
+        """balances of the stretches so far: energy, linear and angular momentum."""
         self._events, self._contact_work = Events(), 0.0
         self._anew: list[float] = []
         self._latest = -np.inf
@@ -195,7 +195,8 @@ class Balances:
     def finish(self) -> dict[str, Any]:
         """Balances of energy and momentum of the whole run, after the last sample."""
         self._close()
-        found = {"energy": self._energy, "momentum": self._momentum}
+        momenta = dict(self._totals)
+        found = {"energy": momenta.pop("energy", None), "momentum": momenta or None}
         return found | ({"stretches": 1 + self._count} if self._count else {})
 
     @property
@@ -233,31 +234,22 @@ class Balances:
         ledger = self._ledger
         if not ledger.samples:
             return
-        self._energy = _energies(self._energy, ledger.energy())
         self._contact_work += (ledger.contacts() or {"work": 0.0})["work"]
-        momentum = ledger.momentum()
-        if momentum is not None:
-            before = self._momentum or dict.fromkeys(momentum)
-            self._momentum = {
-                name: _joined(before[name], balance) for name, balance in momentum.items()
-            }
+        for name, now in {"energy": ledger.energy(), **(ledger.momentum() or {})}.items():
+            self._totals[name] = _joined(self._totals.get(name), now)
 
 
-def _joined(before: dict[str, Any] | None, now: dict[str, Any]) -> dict[str, Any]:
-    """Sum of the errors and their uncertainties; the larger of the scales."""
+def _joined(before: dict[str, Any] | None, now: Any) -> dict[str, Any]:
+    """Sum of the errors, their uncertainties and the work; the larger of the scales."""
     if before is None:
         return now
     error, scale = before["error"] + now["error"], max(before["scale"], now["scale"])
     found = before | {"error": error, "scale": scale}
     found["relative"] = abs(error) / scale if scale > 0.0 else None
     found["quadrature"] = before["quadrature"] + now["quadrature"]
+    if "work" in now:
+        found |= {"final": now["final"], "work": before["work"] + now["work"]}
     return found
-
-
-def _energies(before: dict[str, Any] | None, now: dict[str, Any] | None) -> dict[str, Any] | None:
-    if before is None or now is None:
-        return before or now
-    return _joined(before, now) | {"final": now["final"], "work": before["work"] + now["work"]}
 
 
 # Entry point: one pass over the bag, in bounded memory.

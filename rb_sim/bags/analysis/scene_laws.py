@@ -195,7 +195,7 @@ def _traced(plainly: Any, results: int, t: Any, B: BodyState, A: BodyState) -> t
         return call(External(plainly.__qualname__, results, on_numbers, lambda: 0), t, *numbers)
 
 
-def _state(n: tuple[float, ...]) -> BodyState:
+def _state(n: Any) -> BodyState:
     return BodyState(n[:3], n[3:7], n[7:10], n[10:13])
 
 

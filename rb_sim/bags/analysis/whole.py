@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
-from rb_sim.bags.info import GAP, GrowingTime, forward, joined, linear
+from rb_sim.bags.info import GAP, GrowingTime, forward, held, joined, linear
 from rb_sim.bags.transforms import words
 from rb_sim.checks.balance import Account, Balance
 from rb_sim.mechanics.samples import Array
@@ -217,8 +217,7 @@ class Whole:
         next one, as in a simulation."""
         at, values = joined(acting.t, acting.values)
         if acting.body in self._commanded:
-            held = np.concatenate([np.zeros((1, 6)), values])
-            return held[np.searchsorted(at, t, side="right")]
+            return held(t, at, values)
         return linear(t, at, values, outside=0.0)
 
     def _with_noise(self, y: Array) -> Array | None:

@@ -208,8 +208,10 @@ class BagSink:
         self._split_size = float("inf") if split_size is None else split_size
         self._split_after = float("inf") if split_duration is None else NANO * split_duration
         self._file: BagFile | None = None
+        self._numbers: dict[str, int] = {}
+        """number of each channel, by its topic."""
         self._channels: list[int] = []
-        self._events: int | None = None
+        """those with a message of each sample."""
         self._asked, self._odometry = accelerations, odometry
         self._tables: list[MessageTable] = []
         """messages of each sample in addition to the table of topics."""
@@ -217,8 +219,6 @@ class BagSink:
         """last message of each latched channel that is sent only occasionally."""
         self._state: str | None = None
         """state of the node, if set before the first sample."""
-        self._state_channel: int | None = None
-        self._inputs: dict[int, int] = {}
         self._sample = 0
         self._base = 0
         self._last_stamp = 0
@@ -249,21 +249,23 @@ class BagSink:
         except OSError as error:
             self._drop()
             raise SinkError(f"{self.directory}: cannot record here: {error.strerror}") from None
+        own = self._namespace
+        self._numbers = {}
         self._channels = [
-            self._add_channel(self._file, topic.full_name(self._namespace), topic.ros_type)
+            self._channel(self._file, topic.full_name(own), topic.ros_type)
             for topic in self._table.topics
         ]
         for table in self._tables:
             qos = LATCHED if table.latched else None
             self._channels += [
-                self._add_channel(self._file, f"{self._namespace}/{name}", ros_type, qos)
+                self._channel(self._file, f"{own}/{name}", ros_type, qos)
                 for name, ros_type in table.topics
             ]
         self._scene, self._layout = scene, layout
         self._input_table = InputTable(layout)
         if self._table.event_topic is not None:
             name, ros_type = self._table.event_topic
-            self._events = self._add_channel(self._file, f"{self._namespace}/{name}", ros_type)
+            self._events = self._channel(self._file, f"{own}/{name}", ros_type)
 
     def _describe(self, file: BagFile) -> None:
         """Write the records that a reader needs before the first message."""
@@ -286,17 +288,21 @@ class BagSink:
         self._write_latched(after, time)
         return after
 
-    def _add_channel(
-        self, file: BagFile, name: str, ros_type: str, qos: dict[str, Any] | None = None
+    def _channel(
+        self, file: BagFile, topic: str, ros_type: str, qos: dict[str, Any] | None = None
     ) -> int:
-        schema, type_hash = schema_text(ros_type).encode(), TYPE_HASHES[ros_type]
-        return file.add_channel(name, ros_type, schema, type_hash, None if qos is None else [qos])
+        """Number of the channel of a topic, which is added where it has none."""
+        if topic not in self._numbers:
+            schema, type_hash = schema_text(ros_type).encode(), TYPE_HASHES[ros_type]
+            profiles = None if qos is None else [qos]
+            self._numbers[topic] = file.add_channel(topic, ros_type, schema, type_hash, profiles)
+        return self._numbers[topic]
 
     def _latch(self, file: BagFile, first: SampleBlock) -> None:
         """Write the latched messages, before the first sample."""
         messages = latched_messages(self._scene, self._layout, first, self._namespace, self._record)
         self._latched = {
-            self._add_channel(file, one.topic, one.ros_type, LATCHED): one.data for one in messages
+            self._channel(file, one.topic, one.ros_type, LATCHED): one.data for one in messages
         }
         self._write_latched(file, self._base + int(stamps_of(first)[0]))
         if self._state is not None:
@@ -314,12 +320,10 @@ class BagSink:
         self._state = state
         if self._file is None or not self._latched:  # written with the first sample
             return
-        if self._state_channel is None:
-            name = f"{self._namespace}/{STATE}"
-            self._state_channel = self._add_channel(self._file, name, STRING, LATCHED)
-        data = self._latched[self._state_channel] = cdr.string(state)
+        channel = self._channel(self._file, f"{self._namespace}/{STATE}", STRING, LATCHED)
+        data = self._latched[channel] = cdr.string(state)
         time = self._base + max(stamp, self._last_stamp)
-        self._file.add_message(self._state_channel, time, self._sample, data)
+        self._file.add_message(channel, time, self._sample, data)
 
     def write(self, block: SampleBlock) -> None:
         """Append the samples of `block`; an empty block only flushes pending messages when due.
@@ -367,7 +371,7 @@ class BagSink:
             self._base += max(0, self._last_stamp - stamp)
             for event in events.get(first, ()):
                 own_time = self._base + min(stamp_of(event.t), stamp)
-                file.add_message(self._events, own_time, self._sample, event_message(event))  # type: ignore[arg-type]
+                file.add_message(self._events, own_time, self._sample, event_message(event))
             end = min(borders[bisect_right(borders, first)], first + file.room // width + 1)
             times = self._base + stamps[first:end]
             assert file.first is not None  # the latched messages are in it
@@ -381,11 +385,9 @@ class BagSink:
     def _write_input(self, file: BagFile, given: Input) -> None:
         topic, data = self._input_table.message(given)
         log_time = self._base + max(stamp_of(given.t), self._last_stamp)
-        if topic not in self._inputs:  # created on demand: most runs have no inputs
-            name, ros_type = self._input_table.topics[topic]
-            channel = self._add_channel(file, f"{self._namespace}/{name}", ros_type)
-            self._inputs[topic] = channel
-        file.add_message(self._inputs[topic], log_time, self._sample, data)
+        name, ros_type = self._input_table.topics[topic]  # most runs have no inputs
+        channel = self._channel(file, f"{self._namespace}/{name}", ros_type)
+        file.add_message(channel, log_time, self._sample, data)
 
     def _finish_full(self) -> None:
         self.close(None)

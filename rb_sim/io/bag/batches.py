@@ -109,9 +109,14 @@ def unpacked(messages: Messages) -> Messages:
             parts.append(decompress(data, max_output_size=LARGEST) if small else data)
         except zstandard.ZstdError:
             parts.append(data)
-    size = np.array([len(part) for part in parts])
-    buffer = np.frombuffer(b"".join(parts), np.uint8)
-    return messages._replace(buffer=buffer, start=np.cumsum(size) - size, size=size)
+    buffer, start, size = together(parts)
+    return messages._replace(buffer=buffer, start=start, size=size)
+
+
+def together(parts: list[bytes]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Buffer, starts and sizes of `Messages` with these bytes."""
+    size = np.array([len(part) for part in parts], dtype=np.int64)
+    return np.frombuffer(b"".join(parts), np.uint8), np.cumsum(size) - size, size
 
 
 Batch = dict[int, Messages]
@@ -154,7 +159,7 @@ _CHANNELS, _GROWTH = 512, 16
 to limit the overhead per channel and batch."""
 
 
-def _by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+def by_channel(of: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Each channel, and the indices of its messages in order."""
     order = np.argsort(of, kind="stable")
     ordered = of[order]
@@ -338,7 +343,7 @@ class BagScan(Frames):
         start, size = start + _MESSAGE.itemsize, size - _MESSAGE.itemsize
         self._first = int(log_time.min() if self._first is None else min(self._first, log_time[0]))
         batch: Batch = {}
-        for channel, at in _by_channel(heads["channel"]):
+        for channel, at in by_channel(heads["channel"]):
             if channel not in self.channels:
                 self._note_unknown(log_time[at])
                 continue

@@ -20,7 +20,6 @@ import fcntl
 import os
 import re
 import time
-from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -65,16 +64,15 @@ class BagStream:
         self._draft_end = 0
         self._reserve = path.with_name(f".{path.name}.reserve")
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        mine = False
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self.close()
-            raise
-        try:
+            mine = True
             os.ftruncate(self._file, 0)
             self._keep(reserve)
         except OSError:
-            path.unlink(missing_ok=True)  # an empty file is no part of a bag
+            if mine:
+                path.unlink(missing_ok=True)  # an empty file is no part of a bag
             self.close()
             raise
 
@@ -96,11 +94,7 @@ class BagStream:
             if error.errno not in _FULL or self.full:
                 raise
             self.use_reserve()
-            try:
-                self._append(data)
-            except OSError:
-                self._rewind(start)
-                raise
+            return self.write(data)
         return len(data)
 
     def use_reserve(self) -> None:
@@ -144,9 +138,6 @@ class BagStream:
     def tell(self) -> int:
         """Number of bytes written."""
         return self._position
-
-    def flush(self) -> None:
-        """Does nothing: writes are unbuffered."""
 
     @property
     def vanished(self) -> bool:
@@ -211,7 +202,7 @@ class BagFile(McapWriter):
         if not before:
             self._remove_older()
         super().__init__(self.stream, chunk_size)
-        self._qos: list[list[Any]] = []
+        self.qos: list[list[Any]] = []
         """profiles of each channel."""
         self._schema_of: dict[tuple[str, bytes], int] = {}
         self._drafted = 0, time.monotonic()
@@ -235,9 +226,9 @@ class BagFile(McapWriter):
         key = ros_type, schema
         if key not in self._schema_of:
             self._schema_of[key] = self.register_schema(ros_type, "ros2msg", schema)
-        self._qos.append([QOS] if qos is None else qos)
+        self.qos.append([QOS] if qos is None else qos)
         metadata = {
-            "offered_qos_profiles": yaml.safe_dump(self._qos[-1], sort_keys=False),
+            "offered_qos_profiles": yaml.safe_dump(self.qos[-1], sort_keys=False),
             "topic_type_hash": type_hash,
         }
         return self.register_channel(topic, "cdr", self._schema_of[key], metadata)
@@ -268,7 +259,7 @@ class BagFile(McapWriter):
             self.stream.use_reserve()
             return self
         try:
-            for channel, qos in zip(self.channels, self._qos, strict=True):
+            for channel, qos in zip(self.channels, self.qos, strict=True):
                 schema, type_hash = self.schemas[channel.schema_id - 1], _type_hash(channel)
                 after.add_channel(channel.topic, schema.name, schema.data, type_hash, qos)
             self._end()
@@ -299,18 +290,6 @@ class BagFile(McapWriter):
         """Close the file without an index; `rb_sim recover` makes it readable."""
         self.stream.close()
 
-    def topics(self) -> Iterator[tuple[dict[str, Any], int]]:
-        """Metadata and number of messages of each topic, in the format of metadata.yaml."""
-        for channel, qos in zip(self.channels, self._qos, strict=True):
-            metadata = {
-                "name": channel.topic,
-                "type": self.schemas[channel.schema_id - 1].name,
-                "serialization_format": "cdr",
-                "offered_qos_profiles": deepcopy(qos),  # YAML would write an alias
-                "type_description_hash": _type_hash(channel),
-            }
-            yield metadata, self.counts.get(channel.id, 0)
-
 
 def _type_hash(channel: Channel) -> str:
     return channel.metadata["topic_type_hash"]
@@ -332,12 +311,17 @@ def _information(files: tuple[BagFile, ...]) -> dict[str, Any]:
     """Content of metadata.yaml for these files."""
     topics: dict[str, dict[str, Any]] = {}
     for file in files:
-        for metadata, count in file.topics():
-            before = topics[metadata["name"]]["message_count"] if metadata["name"] in topics else 0
-            topics[metadata["name"]] = {
-                "topic_metadata": metadata,
-                "message_count": before + count,
+        for channel, qos in zip(file.channels, file.qos, strict=True):
+            metadata = {
+                "name": channel.topic,
+                "type": file.schemas[channel.schema_id - 1].name,
+                "serialization_format": "cdr",
+                "offered_qos_profiles": deepcopy(qos),  # YAML would write an alias
+                "type_description_hash": _type_hash(channel),
             }
+            found = {"topic_metadata": metadata, "message_count": 0}
+            entry = topics.setdefault(channel.topic, found)
+            entry["message_count"] += file.counts.get(channel.id, 0)
     return {
         "version": _METADATA_VERSION,
         "storage_identifier": "mcap",

@@ -14,7 +14,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
@@ -31,7 +30,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.io.bag.bag_sink import LIBRARY
-from rb_sim.io.bag.batches import BagScan, Batch, Messages
+from rb_sim.io.bag.batches import BagScan, Batch, Messages, by_channel, together
 from rb_sim.io.bag.checked_records import BROKEN_DATABASE, JOURNAL, Damage, Frames, Missing
 from rb_sim.io.bag.file import BagFile
 from rb_sim.io.bag.records import BrokenRecordError, name_of, parse_record
@@ -124,22 +123,18 @@ class SqliteScan:
         return waiting[-1][1] if waiting else self._last
 
     def _batch(self, rows: list[tuple[int, int, bytes]]) -> Batch:
-        sizes = np.array([len(data) for *_, data in rows], dtype=np.int64)
-        starts = np.cumsum(sizes) - sizes
-        times = np.array([time for _, time, _ in rows], dtype=np.int64)
-        of = np.array([number for number, *_ in rows])
-        buffer = np.frombuffer(b"".join(data for *_, data in rows), np.uint8)
+        buffer, starts, sizes = together([data for *_, data in rows])
+        of, times = np.array([row[:2] for row in rows], dtype=np.int64).T
         first = self.messages
         self.messages += len(rows)
         self.unchecked += len(rows)
         self.bytes += int(sizes.sum())
         self._first = int(times[0]) if self._first is None else self._first
         self._last = int(times[-1])
-        batch: Batch = {}
-        for number in np.unique(of).tolist():
-            at = np.flatnonzero(of == number)
-            batch[number] = Messages(times[at], first + at, buffer, starts[at], sizes[at])
-        return batch
+        return {
+            number: Messages(times[at], first + at, buffer, starts[at], sizes[at])
+            for number, at in by_channel(of)
+        }
 
 
 @contextmanager
@@ -348,43 +343,30 @@ def recover_bag(bag: Path, directory: Path | None = None) -> Recovered:
     target = _beside(bag) if directory is None else directory
     if target.exists():
         raise SinkError(f"{target}: exists already; name another folder to recover into")
-    scans: list[Scan] = []
+    copy = None
     try:
-        _check(sources)
-        file = None
-        try:
-            file = BagFile(target, LIBRARY)
-            copied = _Copied(file)
-            scans = [_copy(source, copied) for source in sources]
-            file.finish()
-        except BaseException:  # also Ctrl-C: a partial copy would block the next attempt
-            if file is not None:
-                with contextlib.suppress(OSError):
-                    file.abandon()
-            shutil.rmtree(target, ignore_errors=True)
-            raise
-    except OSError as error:
-        raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
+        copy = _Copy(BagFile(target, LIBRARY))
+        scans = [copy.take(source) for source in sources]
+        if not copy.file.count:
+            none = "nothing to recover: not one chunk of it was finished"
+            raise SinkError(f"{sources[0]}: {none}")
+        copy.file.finish()
+    except BaseException as error:  # also Ctrl-C: a partial copy would block the next attempt
+        if copy is not None:
+            with suppress(OSError):
+                copy.file.abandon()
+        shutil.rmtree(target, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise SinkError(f"{target}: cannot recover: {error.strerror}") from None
+        raise
     complete = all(scan.complete for scan in scans)
     missing = [scan.missing for scan in scans]
     damaged = any(part.damages for part in missing)
     gone = absent(bag)
     lines = (*gone, *(line for part in missing for line in part.lines()))
     unchecked = sum(scan.unchecked for scan in scans)
-    return Recovered(target, file.count, complete and not damaged and not gone, lines, unchecked)
-
-
-def _check(sources: list[Path]) -> None:
-    """Raise SinkError if it is not a ROS 2 bag or contains no message."""
-    for source in sources:
-        scan = scan_of(source)
-        for batch in scan.batches():
-            header = scan.header
-            if header is not None and header.profile != "ros2":
-                raise SinkError(f"{source}: not a ROS 2 bag: its profile is {header.profile!r}")
-            if batch:
-                return
-    raise SinkError(f"{sources[0]}: nothing to recover: not one chunk of it was finished")
+    whole = complete and not damaged and not gone
+    return Recovered(target, copy.file.count, whole, lines, unchecked)
 
 
 def _beside(bag: Path) -> Path:
@@ -392,15 +374,30 @@ def _beside(bag: Path) -> Path:
     return bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_recovered")
 
 
-class _Copied:
+class _Copy:
     """The new bag; takes each channel, record and attachment once (split bags repeat them)."""
 
     def __init__(self, file: BagFile) -> None:
         self.file = file
         self._channels: dict[tuple[str, ...], int] = {}
-        self._files: set[tuple[object, ...]] = set()
+        self._known: set[tuple[object, ...]] = set()
 
-    def channel(self, channel: Channel, schema: Schema) -> int:
+    def take(self, source: Path) -> Scan:
+        """Copy what is readable in a file; the returned scan reports the rest."""
+        scan = scan_of(source)
+        channels: dict[int, int] = {}
+        for batch in scan.batches():
+            if scan.header is not None and (profile := scan.header.profile) != "ros2":
+                raise SinkError(f"{source}: not a ROS 2 bag: its profile is {profile!r}")
+            for number, channel in scan.channels.items():
+                if number not in channels and channel.schema_id in scan.schemas:
+                    channels[number] = self._channel(channel, scan.schemas[channel.schema_id])
+            self._take_records(scan)
+            self._take_messages(batch, channels)
+        self._take_records(scan)
+        return scan
+
+    def _channel(self, channel: Channel, schema: Schema) -> int:
         """Number of a channel in the new bag."""
         profiles = channel.metadata.get("offered_qos_profiles", "[]")
         type_hash = channel.metadata.get("topic_type_hash", "")
@@ -411,50 +408,28 @@ class _Copied:
             self._channels[key] = added
         return self._channels[key]
 
-    def metadata(self, record: Metadata) -> None:
-        """Copy a metadata record, once."""
-        if record.name != "rosbag2" and self._is_new(record.name, *sorted(record.metadata.items())):
-            self.file.add_metadata(record.name, record.metadata)  # rosbag2's is written by finish
-
-    def attachment(self, record: Attachment) -> None:
-        """Copy an attachment, once."""
-        if self._is_new(record.name, record.media_type, record.data):
-            self.file.add_attachment(record.log_time, record.name, record.media_type, record.data)
+    def _take_records(self, scan: Scan) -> None:
+        """Copy metadata and attachments found so far, each once."""
+        for record in scan.metadata:  # rosbag2's is written by finish
+            values = record.metadata
+            if record.name != "rosbag2" and self._is_new(record.name, *sorted(values.items())):
+                self.file.add_metadata(record.name, values)
+        for record in scan.attachments:
+            if self._is_new(record.name, record.media_type, record.data):
+                self.file.add_attachment(
+                    record.log_time, record.name, record.media_type, record.data
+                )
 
     def _is_new(self, *content: object) -> bool:
-        known = content in self._files
-        self._files.add(content)
+        known = content in self._known
+        self._known.add(content)
         return not known
 
-
-def _copy(source: Path, copied: _Copied) -> Scan:
-    """Copy the readable messages of a file; the returned scan reports the rest."""
-    scan = scan_of(source)
-    channels: dict[int, int] = {}
-    metadata = attachments = 0
-    for batch in scan.batches():
-        for number, channel in scan.channels.items():
-            if number not in channels and channel.schema_id in scan.schemas:
-                channels[number] = copied.channel(channel, scan.schemas[channel.schema_id])
-        metadata, attachments = _copy_files(scan, copied, metadata, attachments)
-        _copy_batch(batch, channels, copied.file)
-    _copy_files(scan, copied, metadata, attachments)
-    return scan
-
-
-def _copy_batch(batch: Batch, channels: dict[int, int], file: BagFile) -> None:
-    """Copy the messages of a batch, in file order."""
-    known = [(number, m) for number, m in batch.items() if number in channels]
-    order = [(int(m.start[k]), number, k) for number, m in known for k in range(len(m.start))]
-    for _, number, k in sorted(order):
-        m = batch[number]
-        file.add_message(channels[number], int(m.log_time[k]), int(m.sequence[k]), m.data(k))
-
-
-def _copy_files(scan: Scan, copied: _Copied, metadata: int, attachments: int) -> tuple[int, int]:
-    """Copy metadata and attachments beyond the given numbers; returns the new numbers."""
-    for record in scan.metadata[metadata:]:
-        copied.metadata(record)
-    for record in scan.attachments[attachments:]:
-        copied.attachment(record)
-    return len(scan.metadata), len(scan.attachments)
+    def _take_messages(self, batch: Batch, channels: dict[int, int]) -> None:
+        """Copy the messages of a batch, in file order."""
+        known = [(number, m) for number, m in batch.items() if number in channels]
+        order = [(int(m.start[k]), number, k) for number, m in known for k in range(len(m.start))]
+        for _, number, k in sorted(order):
+            m = batch[number]
+            times = int(m.log_time[k]), int(m.sequence[k])
+            self.file.add_message(channels[number], *times, m.data(k))

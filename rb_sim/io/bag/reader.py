@@ -40,7 +40,7 @@ from rb_sim.io.bag.folder import (
     scan_of,
     unlisted,
 )
-from rb_sim.io.messages.cdr import NANO, STRING
+from rb_sim.io.messages.cdr import NANO
 from rb_sim.io.messages.topic_names import (
     CONTACT_WORK,
     DESCRIPTION,
@@ -377,21 +377,12 @@ def _is_whole(record: Mapping[str, str]) -> bool:
 def described_in(path: Path) -> dict[str, str] | None:
     """The record from the topic `description` of an rb_sim bag that another program converted; None
     for a foreign bag. Raises SinkError as `scan_of` does."""
-    scan = scan_of(path)
-
-    def describing() -> set[int]:
-        return {
-            number
-            for number, channel in scan.channels.items()
-            if channel.topic.endswith(f"/{DESCRIPTION}")
-            and channel.schema_id in scan.schemas
-            and scan.schemas[channel.schema_id].name == STRING
-        }
-
+    scan, ending = scan_of(path), f"/{DESCRIPTION}"
     for batch in scan.batches():
-        if not describing():  # it is among the first messages
+        describing = [n for n, channel in scan.channels.items() if channel.topic.endswith(ending)]
+        if not describing:  # it is among the first messages
             return None
-        for number in describing() & set(batch):
+        for number in batch.keys() & describing:
             record = record_in(unpacked(batch[number]).data(0))
             if record is not None and _is_whole(record):
                 return record

@@ -146,6 +146,15 @@ def read_summary(read: Callable[[int, int], bytes], size: int) -> Summary:
     return Summary(None if wrong else index, checked, wrong or index is None)
 
 
+_IN_SUMMARY: dict[int, Any] = {
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.STATISTICS: Statistics,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+}
+
+
 def parse_index(summary: bytes, start: int) -> Index:
     """The index in the summary section, which starts at offset `start` [bytes]."""
     chunks: dict[int, ChunkPlace] = {}
@@ -153,36 +162,29 @@ def parse_index(summary: bytes, start: int) -> Index:
     channels: dict[int, Channel] = {}
     names: dict[int, str] = {}
     kinds: dict[int, int] = {}
-    offsets, messages, at = {start - _DATA_END.size}, None, 0
+    messages, at = None, 0
     while at < len(summary):
         opcode, length = FRAME.unpack_from(summary, at)
         at += FRAME.size
         content = summary[at : at + length]
         at += length
-        if opcode == Opcode.CHUNK_INDEX:
+        if opcode == Opcode.CHUNK_INDEX:  # there are many of them
             place = ChunkPlace(*_PLACE.unpack_from(content))
             chunks[place.offset] = place
-            offsets.add(place.offset)
-            continue
-        stream = ReadDataStream(BytesIO(content))
-        if opcode == Opcode.METADATA_INDEX:
-            named = MetadataIndex.read(stream)
-            offsets.add(named.offset)
-            names[named.offset] = named.name
-            kinds[named.offset] = Opcode.METADATA
-        elif opcode == Opcode.ATTACHMENT_INDEX:
-            offset = AttachmentIndex.read(stream).offset
-            offsets.add(offset)
-            kinds[offset] = Opcode.ATTACHMENT
-        elif opcode == Opcode.STATISTICS:
-            messages = Statistics.read(stream).message_count
-        elif opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            channels[channel.id] = channel
-    return Index(chunks, tuple(sorted(offsets)), messages, schemas, channels, names, kinds)
+        elif opcode in _IN_SUMMARY:
+            match _IN_SUMMARY[opcode].read(ReadDataStream(BytesIO(content))):
+                case MetadataIndex(offset=offset, name=name):
+                    names[offset], kinds[offset] = name, Opcode.METADATA
+                case AttachmentIndex(offset=offset):
+                    kinds[offset] = Opcode.ATTACHMENT
+                case Statistics(message_count=count):
+                    messages = count
+                case Schema() as schema:
+                    schemas[schema.id] = schema
+                case Channel() as channel:
+                    channels[channel.id] = channel
+    offsets = sorted({start - _DATA_END.size, *chunks, *kinds})
+    return Index(chunks, tuple(offsets), messages, schemas, channels, names, kinds)
 
 
 Record = Header | Schema | Channel | Message | Metadata | Attachment

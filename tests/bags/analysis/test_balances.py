@@ -26,7 +26,7 @@ from rb_sim.bags.info import APART, GrowingTime
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.load import scene_from_mapping
 from tests.bags.analysis import foreign
-from tests.bags.scenes import Commander, record_node
+from tests.bags.scenes import Commander, record_node, record_run
 
 M, G = 2.0, 9.81
 BODY = {"mass": M, "inertia": [0.1, 0.2, 0.3]}
@@ -226,6 +226,27 @@ def test_residual_of_our_bags_is_recomputed(tmp_path):
     assert whole is not None and off is not None
     assert whole["relative"] < 1e-11
     assert off["position"]["tip"]["largest"] == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("sine", [0.0, 0.5])
+def test_a_constant_wrench_is_in_the_recorded_total(tmp_path, sine):
+    """It follows from the scene, a force that oscillates does not."""
+    text = f"""
+bodies:
+  box: {{mass: 2.0, inertia: [0.1, 0.2, 0.25], angular_velocity: [0.1, 0.3, 0.0]}}
+effects:
+  weight: {{type: gravity}}
+  push: {{type: wrench, body: box, frame: body, point_B: [0.2, 0.0, 0.1], force: [1.0, 0.5, 0.0],
+         torque: [0.0, 0.1, 0.0], sine_force: [{sine}, 0.0, 0.0], angular_frequency: 6.0}}
+simulation: {{duration: 1.0, rate: 200}}
+"""
+    found = analyze(interpreted(record_run, text, tmp_path / "bag"))
+    apart = found.as_dict()["bodies"]["box"]["apart"]
+    told = [note for note in found.notes if "do not contain the wrench of push (wrench)" in note]
+    assert len(told) == (sine > 0.0)
+    assert (apart["force"] > 0.1) == (apart["torque"] > 0.01) == (sine > 0.0)
+    if not sine:
+        assert apart["force"] < 1e-7 and apart["torque"] < 1e-7
 
 
 def test_a_contact_tells_how_deep_it_is(tmp_path):
