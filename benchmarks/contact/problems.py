@@ -51,8 +51,8 @@ class Problem(NamedTuple):
     """lines with x >= least, w >= 0, one of them zero, (n,) of bool."""
     least: Array
     bounds: list[tuple[list[int], int, float]]
-    """lines of friction, line of their push (-1: none), coefficient (inf: they hold while it pushes),
-    or the bound where there is no push."""
+    """lines of friction, line of their push, coefficient (inf: they hold while it pushes); -1: no
+    push, the coefficient is the bound."""
     x: Array
 
 
