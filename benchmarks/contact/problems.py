@@ -180,7 +180,8 @@ def of_events(mapping: dict[str, Any]) -> list[Problem]:
                 for line, c in zip(bounds, limits, strict=True)
             ]
             laws = rules == EQUALITY, rules == UNILATERAL, least
-            out.append(Problem(kind, A.copy(), b.copy(), *laws, of, x.copy()))
+            if n > 0:  # else nothing rests on anything
+                out.append(Problem(kind, A.copy(), b.copy(), *laws, of, x.copy()))
             return assembly.SOLVED
 
         return solve_in

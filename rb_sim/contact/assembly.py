@@ -251,18 +251,13 @@ def assemble(system, workspace, level, n, u, duration, A, b, terms):
     accelerations); duration: of a step [s]."""
     rows, ends, a = workspace.all_rows, system.row_table, workspace.free_accelerations
     w, free, targets = np.zeros_like(a), np.empty_like(a), np.empty_like(workspace.row_rate)
+    loads = 0.0 if level == VELOCITY else 1.0
+    before = 0.0 if level == ACCELERATION else 1.0 / duration
     for i in range(a.shape[0]):
         for j in range(6):
-            if level == VELOCITY:
-                free[i, j] = u[i, j]
-            else:
-                free[i, j] = a[i, j] + (u[i, j] / duration if level == STEP else 0.0)
+            free[i, j] = loads * a[i, j] + before * u[i, j]
     for k in range(targets.shape[0]):
-        rate, bias = workspace.row_rate[k], workspace.row_bias[k]
-        if level == VELOCITY:
-            targets[k] = rate
-        else:
-            targets[k] = (rate / duration if level == STEP else 0.0) - bias
+        targets[k] = before * workspace.row_rate[k] - loads * workspace.row_bias[k]
     if level == VELOCITY:
         fill_delassus(rows, rows, ends, workspace, n, w, A)
     else:

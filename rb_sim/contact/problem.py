@@ -211,27 +211,11 @@ def laws_for(rows, contacts):
     )  # fmt: skip
 
 
-NO_ROW = -1
-"""Value of a rule for a row that does not participate."""
-
-
 def add_row(laws, n, k, rule):
     """Add row k as number n with this rule; returns the new number of rows."""
     laws.used[n], laws.place_of[k], laws.units[n] = k, n, 1.0
     laws.rules[n], laws.least[n] = rule, 0.0
     return n + 1
-
-
-def rule_of(rules, i, j):
-    """The rule of row j of contact i."""
-    if rules[i, PART] == APART or (j == 0 and rules[i, PART] == GIVEN):
-        return NO_ROW
-    if j == 0:
-        return EQUALITY if rules[i, PULLS] != 0.0 else UNILATERAL
-    if j < 3 and rules[i, BOUND] == HOLDS:
-        return EQUALITY
-    bound = rules[i, BOUND] if j < 3 else (rules[i, ROLLS] if j < 5 else rules[i, SPINS])
-    return FRICTION if bound != 0.0 else NO_ROW
 
 
 def lay_out(rows, rules, first, arm, rough, laws):
@@ -245,24 +229,27 @@ def lay_out(rows, rules, first, arm, rough, laws):
     for k in range(first[0]):
         n = add_row(laws, n, k, EQUALITY)
     for i in range(rules.shape[0]):
-        for j in range(CONTACT_ROWS):
-            rule = rule_of(rules, i, j)
-            if rule != NO_ROW:
-                n = add_row(laws, n, first[i] + j, rule)
-                laws.least[n - 1] = rules[i, LEAST] if j == 0 else 0.0
-    for i in range(rules.shape[0]):
-        k = first[i]
+        if rules[i, PART] == APART:
+            continue
+        k, normal = first[i], -1
+        if rules[i, PART] == FREE:
+            normal = n
+            n = add_row(laws, n, k, EQUALITY if rules[i, PULLS] != 0.0 else UNILATERAL)
+            laws.least[normal] = rules[i, LEAST]
         for way in range(3):
-            j = 1 + 2 * way
-            if rule_of(rules, i, j) != FRICTION:
-                continue
-            laws.bounds[m, FIRST] = laws.place_of[k + j]
-            laws.bounds[m, SECOND] = laws.place_of[k + j + 1] if way < 2 else -1
-            laws.bounds[m, OF_NORMAL] = laws.place_of[k] if rules[i, PART] == FREE else -1
             turns = (rules[i, ROLLS] if way == 1 else rules[i, SPINS]) / arm
-            laws.limits[m] = min(rules[i, BOUND], rough) if way == 0 else turns
-            laws.moves[m, 0], laws.moves[m, 1] = i, way
-            m += 1
+            bound, own, j = rules[i, BOUND] if way == 0 else turns, n, k + 1 + 2 * way
+            if bound == 0.0:
+                continue
+            n = add_row(laws, n, j, EQUALITY if bound == HOLDS else FRICTION)
+            if way < 2:
+                n = add_row(laws, n, j + 1, EQUALITY if bound == HOLDS else FRICTION)
+            if bound != HOLDS:
+                laws.bounds[m, FIRST], laws.bounds[m, OF_NORMAL] = own, normal
+                laws.bounds[m, SECOND] = own + 1 if way < 2 else -1
+                laws.limits[m] = min(bound, rough)
+                laws.moves[m, 0], laws.moves[m, 1] = i, way
+                m += 1
     for i in range(n):
         k = laws.used[i]
         force = abs(rows[k, 0]) + abs(rows[k, 1]) + abs(rows[k, 2])

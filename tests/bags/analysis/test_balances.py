@@ -240,7 +240,7 @@ effects:
          torque: [0.0, 0.1, 0.0], sine_force: [{sine}, 0.0, 0.0], angular_frequency: 6.0}}
 simulation: {{duration: 1.0, rate: 200}}
 """
-    found = analyze(interpreted(record_run, text, tmp_path / "bag"))
+    found = analyze(record_run(text, tmp_path / "bag"))
     apart = found.as_dict()["bodies"]["box"]["apart"]
     told = [note for note in found.notes if "do not contain the wrench of push (wrench)" in note]
     assert len(told) == (sine > 0.0)

@@ -181,6 +181,15 @@ def test_a_slip_that_begins_keeps_its_direction(number: int) -> None:
     np.testing.assert_allclose(*speeds, rtol=0.0, atol=1e-4)
 
 
+def test_what_has_no_kinetic_friction_slips_where_it_is_pushed() -> None:
+    """A push beyond the bound at rest, after which nothing resists: v = F t / m along it."""
+    push = {"type": "wrench", "body": "body", "force": [3.0, 1.0, 0.0]}
+    block = box([0.2, 0.2, 0.1], [0.0, 0.0, 0.05])
+    found = contact_run(scene(block, touch(mu=0.3, kinetic=0.0), push=push), [0.0, 1.0])
+    speed = found.trajectory.linear_velocity["body"][-1]
+    np.testing.assert_allclose(speed, [3.0, 1.0, 0.0], rtol=1e-9, atol=1e-12)
+
+
 def test_a_slip_ends_where_the_clock_does_not_resolve_what_is_left() -> None:
     """After 135 s two instants are 3e-14 s apart: less was left of a slip, and no step went on."""
     found = case(1311, 450, fixed=True)
