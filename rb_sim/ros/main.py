@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not (line := complaint()):
             raise
         print(line, file=sys.stderr, flush=True)
-        return BAD_INPUT
+        return FAILED
     finally:
         from rb_sim.simulation.signals import deafen
 

@@ -254,7 +254,7 @@ def test_a_second_node_of_the_same_name_is_refused(sphere, start):
         assert time.monotonic() < end, second.text
         time.sleep(0.05)
     if reported[0] in second.text:
-        assert second.wait() == 1
+        assert second.wait() == 2
     else:
         assert second.stop() == 0
     other = start(sphere, ready=False, ros=("-r", "__node:=other"), duration=0.1, discovery=3.5)
