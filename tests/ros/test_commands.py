@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 import struct
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -116,7 +116,8 @@ def test_refusals_that_go_on_are_told_again_with_their_number(
 ):
     """Also where the frame is a new one each time, of which a hundred are told by name."""
     said: list[str] = []
-    monkeypatch.setattr(command, "REMINDER", 0.3)
+    now = [100.0]
+    monkeypatch.setattr(command, "time", SimpleNamespace(monotonic=lambda: now[0]))
     monkeypatch.setattr(inbox.PollingNode, "get_logger", lambda _: Heard(said))
     commands = command.Commands(polling_node, ["ball"])
 
@@ -136,7 +137,7 @@ def test_refusals_that_go_on_are_told_again_with_their_number(
         "frame_id is empty; mu",
     ]
     assert not any("so far" in line for line in first)
-    time.sleep(0.3)
+    now[0] += command.REMINDER
     again = reported(["map", "map", ""])
     assert [line[-25:] for line in again] == [
         " (4 unknown frame so far)",
@@ -144,7 +145,7 @@ def test_refusals_that_go_on_are_told_again_with_their_number(
     ]
     reported([f"frame_{k}" for k in range(command.MOST_KINDS)])
     reported([f"other_{k}" for k in range(3)])
-    time.sleep(0.3)
+    now[0] += command.REMINDER
     (line,) = reported([f"another_{k}" for k in range(3)])
     assert "'another_0' is neither" in line and line.endswith("(109 unknown frame so far)")
 

@@ -187,5 +187,5 @@ def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> Non
     os.read(heard, 1)  # it has begun
     os.close(heard)
     (tmp_path / "out" / "plots.png").mkdir()  # where the picture is to be
-    _, reported = process.communicate(frame(End(None)), timeout=120)
+    _, reported = process.communicate(frame(End(None)), timeout=240)
     assert b"plots.png" in reported, reported
