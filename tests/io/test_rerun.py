@@ -30,7 +30,7 @@ needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not in
 
 def run(*arguments: object) -> str:
     command = [str(RERUN), *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=240).stdout
 
 
 @pytest.fixture
@@ -407,7 +407,7 @@ while True:
 def test_a_write_that_fails_is_noticed(tmp_path):
     path = tmp_path / "r.rrd"
     done = subprocess.run(
-        [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=240
     )
     expected = f"rb_sim.base.errors.SinkError: {path}: recording stopped: File too large"
     assert done.stderr.splitlines()[-1] == expected
