@@ -25,7 +25,7 @@ from tests.ros.conftest import ROOT
 EXAMPLE = ROOT / "examples" / "cart_pole"
 CART, POLE, HALF, G = 1.0, 0.2, 0.5, 9.81
 INERTIA = POLE * (2 * HALF) ** 2 / 12
-SECONDS = 3.0
+SECONDS = 2.0
 
 
 def rates(_: float, y: np.ndarray, force: float) -> list[float]:
@@ -63,7 +63,7 @@ def test_the_pole_is_balanced_as_the_equations_say(advance: type, start, tmp_pat
     # the printed gain has four decimals
     np.testing.assert_allclose(states, expected(gain), atol=2e-5)
     assert np.max(np.abs(states[:, 1])) > np.radians(3.0)
-    assert abs(states[-1, 1]) < np.radians(0.1)
+    assert abs(states[-1, 1]) < np.radians(0.5)
     # without the controller the same push lets the pole fall
     fallen = solve_ivp(rates, (0, 1.0), states[10], args=(0.0,), rtol=1e-8).y[1, -1]
     assert abs(fallen) > np.radians(60.0)

@@ -30,7 +30,6 @@ from rb_sim.ros.topics import command, inbox
 from tests.ros import bags
 from tests.ros.client import NAME, Client
 
-ROOT = Path(__file__).resolve().parents[2]
 MANY = inbox.DEPTH * 9 // 10
 """Commands at once, of which none may be lost while the node is kept from running."""
 
@@ -67,14 +66,6 @@ def test_equal_commands_are_recorded_as_they_came_each_with_its_stamp(
     np.testing.assert_array_equal(sent.wrench[:, 0], [0, 2, 2, 2, 2, 0, 0])
     np.testing.assert_allclose(sent.t, 0.01 * np.array([0, 1, 2, 4, 5, 6, 7]), atol=1e-9)
     np.testing.assert_array_equal(applied(tmp_path)[:, 0], [0, 0, 2, 2, 2, 2, 2, 0, 0])
-
-
-def test_a_body_that_is_not_commanded_has_no_such_topic(start, client: Client):
-    node = start(ROOT / "config" / "free_tumble.yaml")
-    assert "takes commands on: nothing (no commanded_wrench in the scene)" in node.text
-    client.until(lambda: client.node.count_publishers("/clock"), "clock")
-    topics = [name for name, _ in client.node.get_topic_names_and_types()]
-    assert not any(name.endswith("/wrench") for name in topics)
 
 
 BAD = [

@@ -106,17 +106,18 @@ def test_what_an_earlier_start_has_built_takes_no_process(advance, transforms):
     assert done.returncode == 0, done.stderr
 
 
-def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, advance, tmp_path):
+def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, client, advance, tmp_path):
     """The program of benchmarks/lockstep_client.c, which knows rcl and no Python."""
     program = lockstep_client.compiled(tmp_path)
     node = start(sphere, out=tmp_path, start_paused=True)
     assert lockstep_client.requests(program, f"{NAME}/advance", count=40, warm=2) > 0.0
-    assert node.stop() == 0
-    times = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
-    np.testing.assert_allclose(times, 0.01 * np.arange(43), atol=1e-9)
-    start(sphere)
+    assert client.trigger("step").message == "t = 0.43 s"
+    assert client.pause(False).success
     with pytest.raises(SystemExit, match="refused: only while paused"):
         lockstep_client.requests(program, f"{NAME}/advance", count=1, warm=0)
+    assert node.stop() == 0
+    times = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
+    np.testing.assert_allclose(times, 0.01 * np.arange(len(times)), atol=1e-9)
 
 
 def test_a_request_goes_no_further_than_the_duration(advance, sphere, start, client, tmp_path):

@@ -253,8 +253,12 @@ def test_joint_states_are_angles_against_the_parent_beyond_a_turn(
 ):
     scene = tmp_path / "scene.yaml"
     scene.write_text(TABLE)
-    start(scene, joint_states=True, start_paused=True)
+    node = start(scene, joint_states=True, start_paused=True)
     found = client.listen(JointState, "joint_states")
+    # no body is commanded: none has a topic for it
+    assert "takes commands on: nothing (no commanded_wrench in the scene)" in node.text
+    topics = [name for name, _ in client.node.get_topic_names_and_types()]
+    assert not any(name.endswith("/wrench") for name in topics)
     client.step_until(lambda: found and seconds(found[-1].header.stamp) > 3.0)
     for message in found:
         t = seconds(message.header.stamp)
