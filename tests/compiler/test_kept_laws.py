@@ -22,7 +22,7 @@ from rb_sim.mechanics import initial_projection
 from rb_sim.mechanics.initial_projection import kept_law, of_the_package
 from rb_sim.numerics.vectors import sin
 from rb_sim.scene.load import scene_from_mapping
-from tests.checks.test_singular_configuration import four_bar
+from tests.accuracy.checks.test_singular_configuration import four_bar
 
 
 @pytest.fixture(autouse=True)

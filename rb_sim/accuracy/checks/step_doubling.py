@@ -17,8 +17,8 @@ shows the error. Steps of h and r h by a method of order p, however, give veloci
 with dv the local error, and likewise attitudes. Local errors are summed over all steps; between two
 probes the smaller one counts for every step. Relative to the largest velocity of the body, or in
 radians, the sum is about the global error of a motion that does not amplify errors. r is the golden
-section, as in the second run (checks/second_run), so that no load has the same phase in both. Thin
-bodies are measured with each A (mechanics/error_scales).
+section, as in the second run (accuracy/checks/second_run), so that no load has the same phase in
+both. Thin bodies are measured with each A (mechanics/error_scales).
 
 A second run compares whole runs; probes are for runs that get none: long ones, and the node.
 """

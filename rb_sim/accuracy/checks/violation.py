@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check import Checker, CheckInput, Run
 from rb_sim.base.errors import Finding, RbSimError, SceneError
 from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
 from rb_sim.catalogue.contact import Touching
-from rb_sim.checks.check import Checker, CheckInput, Run
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.scene.compile import compile_motion

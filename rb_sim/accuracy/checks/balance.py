@@ -22,15 +22,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.checks.sample_integrals import MOST, Quadrature, Resolution, integrals
 from rb_sim.base.rounding import SOLVED
-from rb_sim.checks.sample_integrals import MOST, Quadrature, Resolution, integrals
 from rb_sim.io.contact_power import contacts_of, smooth_power
 from rb_sim.numerics.rotations import cross, norms, rotate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from rb_sim.checks.sample_integrals import Flags
+    from rb_sim.accuracy.checks.sample_integrals import Flags
     from rb_sim.mechanics.samples import Array, ContactEvent, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Body, Scene
 

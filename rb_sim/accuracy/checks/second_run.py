@@ -46,12 +46,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check import finer_step, round_down, steps_alone, try_step
+from rb_sim.accuracy.checks.step_doubling import SHORTER, in_shorter_steps
 from rb_sim.accuracy.choice import TIGHTEST, Setting, counted_time
 from rb_sim.accuracy.runs import motion_size, motions_apart
 from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
-from rb_sim.checks.check import finer_step, round_down, steps_alone, try_step
-from rb_sim.checks.step_doubling import SHORTER, in_shorter_steps
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import WatchEndedError

@@ -15,11 +15,11 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from rb_sim.accuracy.checks.check import below, steps_alone
+from rb_sim.accuracy.checks.check_list import CheckedSamples
+from rb_sim.accuracy.checks.second_run import SecondRun
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check import below, steps_alone
-from rb_sim.checks.check_list import CheckedSamples
-from rb_sim.checks.second_run import SecondRun
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import ADVICE, Forecast
 from rb_sim.scene.schema import Scene

@@ -19,10 +19,10 @@ from typing import Any
 import pytest
 
 from rb_sim import Simulation, SimulationError, load_scene
+from rb_sim.accuracy.checks import step_search as search
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.base.errors import Finding
-from rb_sim.checks import step_search as search
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
 from rb_sim.cli.verbs.run import FAILED, RunOptions
 from rb_sim.cli.verbs.run import run as command
 

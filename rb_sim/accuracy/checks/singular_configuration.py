@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check import Checker, CheckInput, Run
+from rb_sim.accuracy.checks.violation import coordinates
 from rb_sim.base.errors import Finding, RbSimError, SimulationError
-from rb_sim.checks.check import Checker, CheckInput, Run
-from rb_sim.checks.violation import coordinates
 from rb_sim.compiler.graph.machine import evaluate_rows
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.initial_projection import rows_left, rows_matrix

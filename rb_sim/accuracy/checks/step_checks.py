@@ -18,9 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rb_sim.base.errors import Finding
-from rb_sim.base.rounding import SOLVED_IN_CONTACT
-from rb_sim.checks.check import (
+from rb_sim.accuracy.checks.check import (
     LARGEST_SHARE,
     MISSED,
     Checker,
@@ -29,10 +27,12 @@ from rb_sim.checks.check import (
     below,
     round_down,
 )
+from rb_sim.base.errors import Finding
+from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.numerics.rotations import norms
 
 if TYPE_CHECKING:
-    from rb_sim.checks.check import Effort
+    from rb_sim.accuracy.checks.check import Effort
     from rb_sim.mechanics.samples import SampleBlock
 
 RESTRUCK = 2e-2

@@ -24,16 +24,16 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation
-from rb_sim.base.errors import SimulationError, StepTooLargeError
-from rb_sim.checks import singular_configuration
-from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import CheckList
-from rb_sim.checks.singular_configuration import (
+from rb_sim.accuracy.checks import singular_configuration
+from rb_sim.accuracy.checks.check import Effort
+from rb_sim.accuracy.checks.check_list import CheckList
+from rb_sim.accuracy.checks.singular_configuration import (
     Conditioning,
     Follower,
     Vanishing,
     has_loops,
 )
+from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.scene.load import scene_from_mapping
 

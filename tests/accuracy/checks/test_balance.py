@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.contact.stick_slips import case
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.balance import (
+from rb_sim.accuracy.checks.balance import (
     Ledger,
     external_wrench,
     unknown_force,
@@ -29,7 +29,7 @@ from rb_sim.checks.balance import (
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import scene_from_mapping
-from tests.checks.blocks import Block
+from tests.accuracy.checks.blocks import Block
 
 DRAGGED = {
     "bodies": {

@@ -23,9 +23,9 @@ from typer.testing import CliRunner
 
 from benchmarks.known_motions import stick_slip
 from rb_sim import Simulation, Trajectory
+from rb_sim.accuracy.checks.second_run import SecondRun, apart
+from rb_sim.accuracy.checks.step_search import quiet_step, step_that_runs
 from rb_sim.accuracy.choice import counted_time
-from rb_sim.checks.second_run import SecondRun, apart
-from rb_sim.checks.step_search import quiet_step, step_that_runs
 from rb_sim.cli.main import app
 
 W = 2.0 * math.pi
@@ -292,8 +292,8 @@ def test_auto_that_cannot_assure_its_error_warns() -> None:
 
 
 def with_limits(monkeypatch: pytest.MonkeyPatch, afforded: float, longest: float) -> None:
-    monkeypatch.setattr("rb_sim.checks.second_run.AFFORDED", afforded)
-    monkeypatch.setattr("rb_sim.checks.second_run.LONGEST", longest)
+    monkeypatch.setattr("rb_sim.accuracy.checks.second_run.AFFORDED", afforded)
+    monkeypatch.setattr("rb_sim.accuracy.checks.second_run.LONGEST", longest)
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")

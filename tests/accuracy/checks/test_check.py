@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.checks.check import Effort, effort_of, finer_step
+from rb_sim.accuracy.checks.step_checks import found_in
+from rb_sim.accuracy.checks.step_doubling import Missed
 from rb_sim.base.errors import Finding
-from rb_sim.checks.check import Effort, effort_of, finer_step
-from rb_sim.checks.step_checks import found_in
-from rb_sim.checks.step_doubling import Missed
 from rb_sim.contact.grid_motion import LeftOpen
-from tests.checks.blocks import Block
+from tests.accuracy.checks.blocks import Block
 
 
 @pytest.mark.parametrize(

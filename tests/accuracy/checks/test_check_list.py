@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 
 from rb_sim import AccuracyWarning, Simulation, SimulationError, load_scene
+from rb_sim.accuracy.checks.check import Effort
+from rb_sim.accuracy.checks.check_list import CheckedSamples, CheckList
 from rb_sim.bags.tracks import tracks_of_blocks
 from rb_sim.base.errors import Finding
-from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import CheckedSamples, CheckList
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping

@@ -23,9 +23,9 @@ from scipy.special import ellipk
 
 from benchmarks.fuzz.random_scenes import scene as random_scene
 from rb_sim import AccuracyWarning, Simulation, load_scene
-from rb_sim.checks.balance import Ledger
-from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import CheckList
+from rb_sim.accuracy.checks.balance import Ledger
+from rb_sim.accuracy.checks.check import Effort
+from rb_sim.accuracy.checks.check_list import CheckList
 
 FRICTION = {"type": "coulomb", "static": 0.5}
 WEIGHT = {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}}

@@ -20,14 +20,14 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.checks.check import Effort
+from rb_sim.accuracy.checks.check_list import CheckList
+from rb_sim.accuracy.checks.step_checks import CHATTER
 from rb_sim.base.errors import Finding
-from rb_sim.checks.check import Effort
-from rb_sim.checks.check_list import CheckList
-from rb_sim.checks.step_checks import CHATTER
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
-from tests.checks.test_check_list import SWING
-from tests.checks.test_singular_configuration import driven_to_the_end
+from tests.accuracy.checks.test_check_list import SWING
+from tests.accuracy.checks.test_singular_configuration import driven_to_the_end
 
 BLOCK = 1024
 BLOCKS = 60

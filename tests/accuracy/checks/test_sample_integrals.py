@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.check import Effort, effort_of
-from rb_sim.checks.check_list import UNCERTAINTIES, CheckList
-from rb_sim.checks.sample_integrals import Quadrature, Resolution
+from rb_sim.accuracy.checks.check import Effort, effort_of
+from rb_sim.accuracy.checks.check_list import UNCERTAINTIES, CheckList
+from rb_sim.accuracy.checks.sample_integrals import Quadrature, Resolution
 
 RNG = np.random.default_rng(38)
 

@@ -20,13 +20,13 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rb_sim.accuracy.checks.step_doubling import Missed
 from rb_sim.base.rounding import SOLVED
-from rb_sim.checks.step_doubling import Missed
 from rb_sim.mechanics.methods import METHODS
 
 if TYPE_CHECKING:
+    from rb_sim.accuracy.checks.balance import Ledger
     from rb_sim.base.errors import Finding
-    from rb_sim.checks.balance import Ledger
     from rb_sim.contact.grid_motion import LeftOpen
     from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -20,13 +20,13 @@ from typing import Any
 import pytest
 
 from rb_sim import Simulation, load_scene
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.base.errors import Finding, SimulationError
 from rb_sim.catalogue.constraints import rows
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.spec import wrench
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
 from rb_sim.cli.verbs.run import FAILED, RunOptions, run
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.compiled import forget
@@ -36,7 +36,7 @@ from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.numerics.kernels import by_address
 from rb_sim.numerics.vectors import scale, sin, where
-from tests.checks.test_singular_configuration import four_bar
+from tests.accuracy.checks.test_singular_configuration import four_bar
 
 SCENE = {
     "bodies": {

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rb_sim.accuracy.checks.balance import Ledger
+from rb_sim.accuracy.checks.check import Check, Checker, CheckInput, Effort, Run, effort_of
+from rb_sim.accuracy.checks.second_run import BOUND, finding_of, is_decided
+from rb_sim.accuracy.checks.singular_configuration import rank
+from rb_sim.accuracy.checks.step_checks import MADE, chatter, steps
+from rb_sim.accuracy.checks.violation import inside, residual
 from rb_sim.base.errors import Finding, tell
-from rb_sim.checks.balance import Ledger
-from rb_sim.checks.check import Check, Checker, CheckInput, Effort, Run, effort_of
-from rb_sim.checks.second_run import BOUND, finding_of, is_decided
-from rb_sim.checks.singular_configuration import rank
-from rb_sim.checks.step_checks import MADE, chatter, steps
-from rb_sim.checks.violation import inside, residual
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

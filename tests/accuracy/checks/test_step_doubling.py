@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 from rb_sim import AccuracyWarning, Simulation, load_scene
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
-from rb_sim.checks.step_search import quiet_step
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
+from rb_sim.accuracy.checks.step_search import quiet_step
 
 W = 1e3
 """Frequency of the oscillator [rad/s]."""

@@ -19,10 +19,10 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.violation import residual_found, violated_constraint
+from rb_sim.accuracy.checks.violation import residual_found, violated_constraint
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.scene.load import scene_from_mapping
-from tests.checks.blocks import Block
+from tests.accuracy.checks.blocks import Block
 
 BODY = {"mass": 1.0, "inertia": [0.1, 0.2, 0.25]}
 START = {"position": [1.0, 0.0, 0.1], "linear_velocity": [0.0, 1.0, 0.0]}
