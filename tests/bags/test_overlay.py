@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
+from tests.sweeps.test_fit_foreign import poses, pushes, write
 
 from rb_sim.bags.compare import differences
 from rb_sim.bags.comparison_views import drawn, motion_of, overlay
@@ -27,7 +28,6 @@ from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import TF, P, Q, T, transforms, writing
 from tests.bags.analysis.test_foreign import pose as stamped
 from tests.io.test_rerun import column, needs_rerun, run
-from tests.sweeps.test_fit_foreign import poses, pushes, write
 
 CART = r"\/cart\/pose"
 """The topic as one part of an entity's path."""
