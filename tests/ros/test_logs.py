@@ -19,6 +19,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from rosgraph_msgs.msg import Clock
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError, SinkError
@@ -27,7 +28,7 @@ from rb_sim.ros import log_process as process
 from rb_sim.ros.log_process import Begin, End, LogProcess, Opened, Plan, frame, rows_of
 from rb_sim.ros.log_writer import claim, out_folder, own_folder
 from tests.ros import bags
-from tests.ros.client import NAME, Client
+from tests.ros.client import NAME, Client, seconds
 
 LOGGING = {"real_time_factor": 0, "duration": 0.1}
 
@@ -124,13 +125,15 @@ def test_who_ends_a_node_whose_writer_hangs_is_told_what_it_waits_for(
     pace = {"start_paused": True} if lockstep else {"real_time_factor": 0}
     logs = {"out": tmp_path, "log_queue": 2000}
     node = start(sphere, rate=1000, **pace, **logs)
+    clocks = client.listen(Clock, "/clock")
+    client.until(lambda: clocks, "the clock")
     (writer,) = psutil.Process(node.process.pid).children()
     writer.suspend()
     if lockstep:
         client.ask(advance, "advance", samples=4_000_000_000)
-    client.spin(2.0)  # it is full within a tenth of that
+    client.until(lambda: seconds(clocks[-1].clock) > 2.0, "more samples than it takes")
     node.process.send_signal(signal.SIGINT)
-    node.wait_for("warning: waits up to 120 s for the process that writes bag in", 60.0)
+    node.wait_for("warning: waits up to 120 s for the process that writes bag in")
     writer.resume()
     assert node.wait() == 0, node.text
     summary = BagReader(tmp_path / "bag").summary
