@@ -38,10 +38,7 @@ def with_support(**changes):
     "scene, key, words",
     [
         ({}, "bodies", "missing"),
-        ({"bodies": {}}, "bodies", "at least one body"),
         ({"bodies": {"b": {"mass": -1.0}}}, "bodies.b.mass", "a number >= 0"),
-        ({"bodies": {"b": {"mas": 1.0}}}, "bodies.b.mas", "must be mass, or one of"),
-        ({"bodies": {"b": {"orientation": [0, 0, 0, 0]}}}, "bodies.b.orientation", "quaternion"),
         (with_support(type="rope"), "supports.s.type", "string"),
         (with_support(body="c"), "supports.s.body", "a body of the scene: one of b"),
         (with_support(parent="b"), "supports.s.parent", "another body"),
@@ -63,11 +60,6 @@ def with_support(**changes):
             BODY | {"supports": {"s": {"type": "hinge", "body": "b", "axis_A": UP, "axis_B": UP}}},
             "supports.s",
             "at most one of",
-        ),
-        (
-            BODY | {"loads": {"f": {"type": "wrench", "body": "b", "force": [0, float("nan"), 0]}}},
-            "loads.f.force[1]",
-            "a finite number",
         ),
         (BODY | {"loads": {"g": {"type": "gravity", "bodies": ["c"]}}}, "loads.g.bodies[0]", "b"),
     ],
@@ -95,16 +87,6 @@ def test_ends_that_do_not_fit_are_refused(support, words):
     with pytest.raises(SceneError, match=words) as caught:
         solve(load_statics(BODY | {"supports": {"s": support | {"body": "b"}}}))
     assert caught.value.key == "constraints.s"
-
-
-def test_files_that_are_no_scene(tmp_path):
-    for name, text in (("empty.yaml", ""), ("list.yaml", "- 1"), ("twice.yaml", "a: 1\na: 2")):
-        path = tmp_path / name
-        path.write_text(text)
-        with pytest.raises(SceneError, match=name):
-            load_statics(path)
-    with pytest.raises(SceneError, match="does not exist"):
-        load_statics(tmp_path / "none.yaml")
 
 
 def test_command_writes_table_json_and_picture(tmp_path, capsys, monkeypatch):

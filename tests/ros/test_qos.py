@@ -23,6 +23,7 @@ from rclpy.qos import (
     QoSProfile,
     QoSReliabilityPolicy,
 )
+from rosgraph_msgs.msg import Clock
 
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds
@@ -91,6 +92,7 @@ def test_no_event_of_a_cascade_is_lost(tmp_path: Path, start, client: Client):
         client.spin(0.2)
     begun = float(client.trigger("reset").message.split("t = ")[1].split()[0])
     assert client.trigger("step").success
+    client.until_it_stands(client.listen(Clock, "/clock"))  # with all that was sent before
     assert node.stop() == 0
 
     def of_the_last_step(messages: list[Any]) -> list[Any]:
