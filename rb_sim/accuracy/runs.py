@@ -518,20 +518,33 @@ class Runner:
         self._allowed = math.inf
         if not motion.event_driven:
             motion.watch = nothing
-        best, total, batch = math.inf, 0.0, 1
-        while True:
-            cpu = sum(self._one(motion) for _ in range(batch)) / batch
-            best, total = min(best, cpu), total + cpu * batch
-            if total >= budget or not math.isfinite(cpu):
-                return best / self.duration
-            batch = max(1, min(1000, int(EXPENSIVE / max(cpu, 1e-7))))
 
-    def _one(self, motion: Motion) -> float:
-        """CPU time of one run without samples [s]; infinite if it fails."""
-        motion.reset()
-        self._begun, start = time.perf_counter(), time.process_time()
-        try:
+        def run() -> None:
+            self._begun = time.perf_counter()
             motion.run_to([self.duration])
+
+        try:
+            return cpu_time(run, budget, motion.reset) / self.duration
         except SimulationError:
             return math.inf
-        return time.process_time() - start
+
+
+def cpu_time(
+    act: Callable[[], object], spell: float, before: Callable[[], object] = nothing
+) -> float:
+    """Shortest CPU time of the calls within `spell` [s]; at least one is made.
+
+    Of short calls the mean of several counts as one. before: called before each, not timed.
+    """
+    best, total, batch = math.inf, 0.0, 1
+    while True:
+        spent = 0.0
+        for _ in range(batch):
+            before()
+            start = time.process_time()
+            act()
+            spent += time.process_time() - start
+        best, total = min(best, spent / batch), total + max(spent, 1e-6)
+        if total >= spell:
+            return best
+        batch = max(1, min(1000, int(EXPENSIVE * batch / max(spent, 1e-7))))
