@@ -24,7 +24,7 @@ import numpy as np
 
 from rb_sim.accuracy.auto import remembered_choice
 from rb_sim.accuracy.choice import Choice, Setting, dividing
-from rb_sim.accuracy.runs import BALANCE, cpu_time
+from rb_sim.accuracy.runs import cpu_time, samples_of
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.rows import COUNT
@@ -501,5 +501,5 @@ def parted(motion: Motion | None, other: Motion | None) -> bool:
     """Whether two variants with the same contacts end with different states of these."""
     if not isinstance(motion, ContactMotion) or not isinstance(other, ContactMotion):
         return False
-    states = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions) + BALANCE + 1
-    return not np.array_equal(motion.sample()[0][states:], other.sample()[0][states:])
+    one, two = (samples_of(m.sample()[0][None], m.layout).contact_state for m in (motion, other))
+    return not np.array_equal(one, two)
