@@ -18,7 +18,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rb_sim.scene.compiled import forget
+from rb_sim.mechanics.compiled import forget
 
 IGNORED = "RB_SIM_TESTS_IGNORE"
 """Environment variable: signals that this process and its workers ignore, by number."""

@@ -27,6 +27,7 @@ from rb_sim.accuracy.checks.step_search import forecast_for
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.io.sink import Sink
+from rb_sim.mechanics.compiled import family_of
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
 from rb_sim.motion.motion import (
@@ -42,7 +43,6 @@ from rb_sim.motion.motion import (
 )
 from rb_sim.numerics.kernels import on_compilation, own_time
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import family_of
 from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion, compiling
 from rb_sim.simulation.state_override import placement
 from rb_sim.simulation.trajectory import Trajectory

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from rb_sim.accuracy.checks.balance import Ledger
     from rb_sim.base.errors import Finding
     from rb_sim.contact.grid_motion import LeftOpen
+    from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
-    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
     Between = Callable[[float, Array, Array], Array | None]

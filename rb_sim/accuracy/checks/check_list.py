@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rb_sim.base.errors import GlobalError
+    from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
-    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
 

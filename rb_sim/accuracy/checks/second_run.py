@@ -60,9 +60,9 @@ from rb_sim.scene.place import at_its_size
 from rb_sim.scene.schema import DEFAULT_TOLERANCE
 
 if TYPE_CHECKING:
+    from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array, Input, SampleBlock
     from rb_sim.motion.motion import Motion
-    from rb_sim.scene.compiled import Compiled
 
 BOUND = 1e-2
 """Global error relative to the motion above which a run is reported."""

@@ -20,8 +20,8 @@ import numpy as np
 from rb_sim.accuracy.checks.check import Checker, CheckInput, Run
 from rb_sim.accuracy.checks.violation import coordinates
 from rb_sim.base.errors import Finding, RbSimError, SimulationError
+from rb_sim.compiler.graph.machine import evaluate_rows
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.graph.machine import evaluate_rows
 from rb_sim.mechanics.initial_projection import rows_left, rows_matrix
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.elimination import Dependent
@@ -32,9 +32,9 @@ from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
+    from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array, Indices, SampleBlock, SampleLayout
     from rb_sim.motion.motion import Motion
-    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
 

@@ -40,9 +40,9 @@ from rb_sim.mechanics.methods import order_of
 from rb_sim.numerics.rotations import angle_between
 
 if TYPE_CHECKING:
+    from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array
     from rb_sim.motion.motion import Motion
-    from rb_sim.scene.compiled import Compiled
     from rb_sim.scene.schema import Scene
 
 SHORTER = 0.5 * (math.sqrt(5.0) - 1.0)

@@ -22,12 +22,12 @@ import pytest
 from rb_sim import AccuracyWarning, Simulation, SimulationError, load_scene
 from rb_sim.accuracy.checks.check import Effort
 from rb_sim.accuracy.checks.check_list import CheckedSamples, CheckList
+from rb_sim.bags.fit.recording import Recording, lost_by
 from rb_sim.bags.tracks import tracks_of_blocks
 from rb_sim.base.errors import Finding
 from rb_sim.io.bag.reader import BagReader
 from rb_sim.mechanics.samples import ARRAYS, ContactEvent, SampleBlock, SampleLayout
 from rb_sim.scene.load import scene_from_mapping
-from rb_sim.sweeps.fit_recording import Recording, lost_by
 from tests.bags.scenes import record_run
 from tests.runs import trajectory
 

@@ -29,13 +29,13 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.spec import wrench
 from rb_sim.cli.verbs.run import FAILED, RunOptions, run
 from rb_sim.integrate.layout import held
+from rb_sim.mechanics.compiled import forget
 from rb_sim.mechanics.contact import contact_laws as contact_loops
 from rb_sim.mechanics.contact.motion_kernels import bring_to_manifold
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import SampleBlock
 from rb_sim.numerics.kernels import by_address
 from rb_sim.numerics.vectors import scale, sin, where
-from rb_sim.scene.compiled import forget
 from tests.accuracy.checks.test_singular_configuration import four_bar
 
 SCENE = {

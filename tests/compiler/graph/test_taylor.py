@@ -24,10 +24,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.graph import symbols as functions
-from rb_sim.graph import taylor_code
-from rb_sim.graph.machine import evaluate
-from rb_sim.graph.symbols import (
+from rb_sim.compiler.graph import symbols as functions
+from rb_sim.compiler.graph import taylor_code
+from rb_sim.compiler.graph.machine import evaluate
+from rb_sim.compiler.graph.symbols import (
     External,
     Graph,
     atan2,
@@ -38,8 +38,8 @@ from rb_sim.graph.symbols import (
     stepwise,
     where,
 )
-from rb_sim.graph.taylor_code import SeriesLaws
-from rb_sim.graph.taylor_series import NoSeriesError, Series
+from rb_sim.compiler.graph.taylor_code import SeriesLaws
+from rb_sim.compiler.graph.taylor_series import NoSeriesError, Series
 
 ORDER = 24
 START = 0.7

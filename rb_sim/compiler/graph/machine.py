@@ -25,9 +25,9 @@ from weakref import WeakValueDictionary
 import llvmlite
 import llvmlite.binding as llvm
 
-from rb_sim.graph import store, symbols
-from rb_sim.graph.emit import Pieces, constant, modules, python_source
-from rb_sim.graph.symbols import External
+from rb_sim.compiler.graph import store, symbols
+from rb_sim.compiler.graph.emit import Pieces, constant, modules, python_source
+from rb_sim.compiler.graph.symbols import External
 
 FORMAT = "2"
 """Version of the files on disk and of the signature of a law."""

@@ -18,15 +18,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
-from rb_sim.bags.tracks import tracks_of_blocks
-from rb_sim.sweeps.fit import Fitted, Recording, fit
-from rb_sim.sweeps.unknowns import (
+from rb_sim.bags.fit.fit import Fitted, Recording, fit
+from rb_sim.bags.fit.unknowns import (
     STEP,
     Limits,
     bounds,
     difference,
     free_numbers,
 )
+from rb_sim.bags.tracks import tracks_of_blocks
 
 NOISE = (1e-3, 2e-3)
 FRICTION = "constraints.floor.friction"

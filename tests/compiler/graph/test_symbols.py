@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rb_sim.graph.machine import Law, compile_law
-from rb_sim.graph.symbols import (
+from rb_sim.compiler.graph.machine import Law, compile_law
+from rb_sim.compiler.graph.symbols import (
     Graph,
     Symbol,
     explored,
@@ -61,7 +61,7 @@ def test_a_law_cannot_branch_on_a_symbol():
     with pytest.raises(TypeError, match="where"):
         if x < 1.0:
             pass
-    with pytest.raises(TypeError, match="use rb_sim.graph.symbols"):
+    with pytest.raises(TypeError, match="use rb_sim.compiler.graph.symbols"):
         math.sqrt(x)
 
 

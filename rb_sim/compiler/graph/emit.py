@@ -15,7 +15,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-from rb_sim.graph.symbols import INPUTS, Condition, External, Symbol, in_order
+from rb_sim.compiler.graph.symbols import INPUTS, Condition, External, Symbol, in_order
 
 PIECE = 4000
 """Most operations of one function."""

@@ -21,9 +21,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.emit import RARELY, Pieces
-from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, pointer_type
-from rb_sim.graph.symbols import (
+from rb_sim.compiler.graph.emit import RARELY, Pieces
+from rb_sim.compiler.graph.machine import (
+    Law,
+    PlainLaw,
+    interpreted,
+    linked,
+    named_law,
+    pointer_type,
+)
+from rb_sim.compiler.graph.symbols import (
     INPUTS,
     Condition,
     Graph,
@@ -35,7 +42,7 @@ from rb_sim.graph.symbols import (
     sin,
     where,
 )
-from rb_sim.graph.vector_code import LANES, VECTOR, Vectors, splat
+from rb_sim.compiler.graph.vector_code import LANES, VECTOR, Vectors, splat
 
 
 class Sparse(NamedTuple):

@@ -20,11 +20,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
+from rb_sim.bags.fit.fit import outliers
+from rb_sim.bags.fit.unknowns import free_numbers
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.main import app
 from rb_sim.simulation.sensitivity import NotSmoothError
-from rb_sim.sweeps.fit import outliers
-from rb_sim.sweeps.unknowns import free_numbers
 from tests.cli.process import invoke
 
 TIMES = {"duration": 1.0, "rate": 40, "method": "rk4", "step": 0.0125}
@@ -81,9 +81,9 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     from scipy.spatial.transform import Rotation
 
     from rb_sim import Simulation, load_scene
+    from rb_sim.bags.fit.fit import Recording, fit
     from rb_sim.bags.tracks import tracks_of_blocks
     from rb_sim.io.bag.reader import value_at
-    from rb_sim.sweeps.fit import Recording, fit
 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})
@@ -125,7 +125,7 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
 
 def refit_by_differences(*arguments: Any) -> dict[str, Any]:
     """The same, where the motion has no derivatives."""
-    with mock.patch("rb_sim.sweeps.fit.raw_jacobian", side_effect=NotSmoothError("none")):
+    with mock.patch("rb_sim.bags.fit.fit.raw_jacobian", side_effect=NotSmoothError("none")):
         return refit(*arguments)
 
 
@@ -214,7 +214,7 @@ TWO: dict[str, Any] = {
 
 def refit_two() -> dict[str, Any]:
     from rb_sim import load_scene
-    from rb_sim.sweeps.fit import Recording, fit
+    from rb_sim.bags.fit.fit import Recording, fit
 
     recording = Recording(two_bodies(TWO), {"a": "a", "b": "b"})
     data = TWO | {"effects": {"air": TWO["effects"]["air"] | {"coefficient": 0.1}}}
@@ -282,9 +282,9 @@ KEYS = {
 def both(name: str, method: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, int, bool]:
     """The Jacobian as a fit takes it, the one of differences of order six, runs, smooth."""
     from rb_sim import Simulation, load_scene
+    from rb_sim.bags.fit.fit import Recording, _Problem
+    from rb_sim.bags.fit.unknowns import free_numbers
     from rb_sim.bags.tracks import tracks_of_blocks
-    from rb_sim.sweeps.fit import Recording, _Problem
-    from rb_sim.sweeps.unknowns import free_numbers
 
     data = _plain(SCENES[name][0] | {"simulation": TIMES | method})
     if name == "top":
@@ -328,10 +328,10 @@ def test_the_jacobian_is_that_of_high_order_differences(name: str) -> None:
 def of_node(folder: Path, set_at: int = 0) -> tuple[np.ndarray, np.ndarray, int, bool]:
     """Of a bag of the node with commands in both frames and a reset; set_at: a state is set
     before that sample, too."""
+    from rb_sim.bags.fit.fit import _Problem
+    from rb_sim.bags.fit.unknowns import free_numbers
     from rb_sim.cli.verbs.fit import FitOptions, set_up
     from rb_sim.mechanics.samples import Input
-    from rb_sim.sweeps.fit import _Problem
-    from rb_sim.sweeps.unknowns import free_numbers
     from tests.bags.scenes import record_node
 
     keys = ["bodies.box.mass", "bodies.box.angular_velocity"]
@@ -402,8 +402,8 @@ T_WHITENESS = np.linspace(0.0, 2.0, 81)
 def fitted(position: np.ndarray, turn: np.ndarray, effects: dict, keys: list[str]) -> Any:
     """Fit a body that starts with 20 rad/s about z to these positions and turns about z [rad]."""
     from rb_sim import load_scene
+    from rb_sim.bags.fit.fit import Recording, fit
     from rb_sim.bags.tracks import Track, Tracks
-    from rb_sim.sweeps.fit import Recording, fit
 
     rng = np.random.default_rng(3)
     exact = Rotation.from_rotvec(np.c_[0.0 * turn, 0.0 * turn, turn])

@@ -23,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rb_sim import RbSimError, load_scene
-from rb_sim.graph.symbols import (
+from rb_sim.compiler.graph.symbols import (
     External,
     Graph,
     atan2,
@@ -35,11 +35,11 @@ from rb_sim.graph.symbols import (
     sqrt,
     where,
 )
-from rb_sim.graph.table_program import MOST_WORKSPACE, Field, PlainProgram, Program
-from rb_sim.graph.vector_code import LANES, NEAR, compile_lanes, sine_and_cosine
+from rb_sim.compiler.graph.table_program import MOST_WORKSPACE, Field, PlainProgram, Program
+from rb_sim.compiler.graph.vector_code import LANES, NEAR, compile_lanes, sine_and_cosine
 from rb_sim.mechanics.systems.one_body import rate
 from rb_sim.scene.compile import compile_scene
-from tests.graph.test_machine import run
+from tests.compiler.graph.test_machine import run
 from tools.c_law import c_law
 
 

@@ -27,9 +27,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rb_sim.graph import emit, machine, store
-from rb_sim.graph.machine import PlainLaw, compile_law
-from rb_sim.graph.symbols import (
+from rb_sim.compiler.graph import emit, machine, store
+from rb_sim.compiler.graph.machine import PlainLaw, compile_law
+from rb_sim.compiler.graph.symbols import (
     External,
     Graph,
     atan2,
@@ -301,8 +301,8 @@ def test_a_law_that_comes_again_is_not_linked_again(monkeypatch: pytest.MonkeyPa
 
 CYCLES = """
 import gc
-from rb_sim.graph.machine import compile_law
-from rb_sim.graph.symbols import Graph
+from rb_sim.compiler.graph.machine import compile_law
+from rb_sim.compiler.graph.symbols import Graph
 
 class Owner:
     pass

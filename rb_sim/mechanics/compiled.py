@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.machine import interpreted
-from rb_sim.graph.store import cache_root
+from rb_sim.compiler.graph.machine import interpreted
+from rb_sim.compiler.graph.store import cache_root
 from rb_sim.mechanics.initial_projection import changing_in, dependent_rows
 from rb_sim.mechanics.inputs import Family, Place, cleared
 from rb_sim.mechanics.laws import ReducedLaws, traceable
@@ -35,7 +35,6 @@ from rb_sim.mechanics.table_laws import laws_over_tables
 
 if TYPE_CHECKING:
     from rb_sim.catalogue.contact import ContactLaw, Sides
-    from rb_sim.scene.pairs_of_bodies import Between
 
 
 # Cache of the laws of recent systems: running the same scene again, with another method or
@@ -110,8 +109,9 @@ class Compiled:
     """edges that may penetrate between the contact points of a body."""
     one_by_one: bool = False
     """whether simultaneous impacts are solved one after the other."""
-    between: Between | None = None
-    """pairs of bodies in contact through `between`; None without such contacts."""
+    between: Any = None
+    """pairs of bodies in contact through `between`, a scene.pairs_of_bodies.Between; None without
+    such contacts."""
     absolute: tuple[float | None, ...] = ()
     """absolute tolerance of each body; () if none is given."""
 

@@ -33,7 +33,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.graph.symbols import (
+from rb_sim.compiler.graph.symbols import (
     INPUTS,
     Condition,
     Graph,

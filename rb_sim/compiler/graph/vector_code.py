@@ -20,9 +20,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rb_sim.graph.emit import RARELY, Operations, constant
-from rb_sim.graph.machine import Law, interpreted, linked, pointer_type
-from rb_sim.graph.symbols import INPUTS, Graph, Symbol, floor, in_order, where
+from rb_sim.compiler.graph.emit import RARELY, Operations, constant
+from rb_sim.compiler.graph.machine import Law, interpreted, linked, pointer_type
+from rb_sim.compiler.graph.symbols import INPUTS, Graph, Symbol, floor, in_order, where
 
 # Sine and cosine from arithmetic alone, for vector code.
 #

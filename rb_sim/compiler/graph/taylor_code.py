@@ -17,10 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.graph.emit import RARELY, Piece, Pieces, constant
-from rb_sim.graph.machine import Law, PlainLaw, interpreted, linked, named_law, pointer_type
-from rb_sim.graph.symbols import INPUTS, Symbol, operations
-from rb_sim.graph.taylor_series import LANES, Series
+from rb_sim.compiler.graph.emit import RARELY, Piece, Pieces, constant
+from rb_sim.compiler.graph.machine import (
+    Law,
+    PlainLaw,
+    interpreted,
+    linked,
+    named_law,
+    pointer_type,
+)
+from rb_sim.compiler.graph.symbols import INPUTS, Symbol, operations
+from rb_sim.compiler.graph.taylor_series import LANES, Series
 
 # Writers of LLVM IR of a series: vectors of sums, and laws inlined into the same function.
 

@@ -25,10 +25,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph import machine
-from rb_sim.graph.emit import RARELY, Piece, Pieces, constant, python_source
-from rb_sim.graph.machine import Law
-from rb_sim.graph.symbols import External, Graph, Symbol
+from rb_sim.compiler.graph import machine
+from rb_sim.compiler.graph.emit import RARELY, Piece, Pieces, constant, python_source
+from rb_sim.compiler.graph.machine import Law
+from rb_sim.compiler.graph.symbols import External, Graph, Symbol
 
 # LLVM IR of a kernel in a loop over a table, and of the tables.
 

@@ -30,25 +30,8 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from rb_sim.bags.analysis.derivatives import NORMAL
 from rb_sim.bags.compare import unit_note
-from rb_sim.bags.tracks import Tracks, tracks_of_blocks
-from rb_sim.base.errors import RbSimError, SceneError, SimulationError
-from rb_sim.base.names import first_few
-from rb_sim.base.rounding import WRITTEN_ROUNDING
-from rb_sim.mechanics.samples import SampleBlock, concatenate
-from rb_sim.numerics.rotations import (
-    angle_between,
-    conjugate,
-    cross,
-    product,
-    rotate,
-    turn_between,
-)
-from rb_sim.scene.load import scene_from_mapping
-from rb_sim.scene.schema import Scene, SimulationOptions
-from rb_sim.simulation.sensitivity import STEP, NotSmoothError, TangentSimulation
-from rb_sim.simulation.simulation import Simulation
-from rb_sim.sweeps.fit_recording import Recording, followed, lost_by
-from rb_sim.sweeps.unknowns import (
+from rb_sim.bags.fit.recording import Recording, followed, lost_by
+from rb_sim.bags.fit.unknowns import (
     Fitted,
     Free,
     Limits,
@@ -66,6 +49,23 @@ from rb_sim.sweeps.unknowns import (
     with_holding_rows,
     with_numbers,
 )
+from rb_sim.bags.tracks import Tracks, tracks_of_blocks
+from rb_sim.base.errors import RbSimError, SceneError, SimulationError
+from rb_sim.base.names import first_few
+from rb_sim.base.rounding import WRITTEN_ROUNDING
+from rb_sim.mechanics.samples import SampleBlock, concatenate
+from rb_sim.numerics.rotations import (
+    angle_between,
+    conjugate,
+    cross,
+    product,
+    rotate,
+    turn_between,
+)
+from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.schema import Scene, SimulationOptions
+from rb_sim.simulation.sensitivity import STEP, NotSmoothError, TangentSimulation
+from rb_sim.simulation.simulation import Simulation
 
 # Test whether the residuals are noise, i.e. uncorrelated in time.
 #

@@ -16,10 +16,21 @@ import math
 import numpy as np
 import pytest
 
-from rb_sim.graph import derivative as jacobian_columns
-from rb_sim.graph.derivative import Tangents, compile_columns, jacobian
-from rb_sim.graph.machine import PlainLaw, evaluate
-from rb_sim.graph.symbols import External, Graph, atan2, call, cos, floor, rarely, sin, sqrt, where
+from rb_sim.compiler.graph import derivative as jacobian_columns
+from rb_sim.compiler.graph.derivative import Tangents, compile_columns, jacobian
+from rb_sim.compiler.graph.machine import PlainLaw, evaluate
+from rb_sim.compiler.graph.symbols import (
+    External,
+    Graph,
+    atan2,
+    call,
+    cos,
+    floor,
+    rarely,
+    sin,
+    sqrt,
+    where,
+)
 
 
 def dense(law, y, p=()):

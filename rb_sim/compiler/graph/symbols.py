@@ -177,7 +177,9 @@ class Symbol:
     __hash__ = object.__hash__
 
     def __float__(self) -> float:
-        raise TypeError("a law may not read the value of a symbol: use rb_sim.graph.symbols")
+        raise TypeError(
+            "a law may not read the value of a symbol: use rb_sim.compiler.graph.symbols"
+        )
 
     __bool__ = __int__ = __index__ = __float__
 
