@@ -31,6 +31,7 @@ from rb_sim.contact.problem import (
     LIGHT_B,
     PULLS,
     ROLLS,
+    ROUGH,
     SPINS,
     TURN_A,
     TURN_B,
@@ -58,8 +59,6 @@ ROUNDS = 100
 """Maximum number of Newton steps or bisections for lambda; bisection alone ends within them."""
 EXACT = 1e-15
 """Largest distance of a reaction from its bound, relative to the reaction."""
-ROUGH = 1e8
-"""Largest coefficient of friction that is used."""
 
 
 def held_back(a, b, c, p, q, stiff):
