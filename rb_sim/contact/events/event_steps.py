@@ -30,7 +30,6 @@ from rb_sim.contact.events.grid import (
     branch,
     copy,
     finite,
-    is_implicit,
     state_at,
 )
 from rb_sim.contact.events.search import (
@@ -430,7 +429,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 break
             last = min(before_jam(system, grid), before_swing(method, system, grid.t0, grid.t1))
             if status == FINE:
-                last = min(last, before_stop(method, system, grid, is_implicit(work)))
+                last = min(last, before_stop(method, system, grid))
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
                 branch(method, system, grid, last, work, y, c)

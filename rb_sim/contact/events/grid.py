@@ -80,19 +80,8 @@ FAINT = 10.0 * NUDGE * SHARP
 """Rate of slowing down that may be only the error of a numerical derivative."""
 TURNS = 1.5
 """Longest step relative to |s| / a: an explicit method of order 4 is stable up to 2.8."""
-CALM = 5.0
-"""The same for an adaptive method of order 8, which is stable up to 6; a is overestimated by a
-factor of one to four. Near the bound of stability an error e of the slip turns it by e / |s|, which
-delays its end by about a (e / |s|)^2 / 2."""
-FAST = 30.0
-"""Slip relative to `velocity_tolerance` above which errors turn it too little to delay its end."""
-SLOWEST = 1e4
-"""Largest ratio of a to the rate at which a slip slows down for which steps are limited by CALM;
-above it there would be too many steps."""
 SLOW = 1e-3
 """Smallest slip, relative to a h, for which steps are shortened if it does not slow down."""
-ASIDE = 1e-2
-"""Sine of the angle by which a slip must turn in a step to delay its end."""
 STRAIGHT = 1e-6
 """Sine of the angle up to which a slip that turns in a step counts as straight."""
 
@@ -129,14 +118,14 @@ def own_rate(system, y, c, i):
     return table[c, ROLLING_ARM] * normal_force * (turns_B + turns_A) / natural_turning(system)
 
 
-def was_turned(system, c, i, sine):
-    """Whether the last step has turned the slip or rolling of contact c by more than this angle."""
+def was_turned(system, c, i):
+    """Whether the last step has turned the slip or rolling of contact c."""
     table = system.contact_table
     if i == AT_SLIP:
         now, before = vec(table, c, SLIP), vec(table, c, SLIP_DIRECTION)
     else:
         now, before = rolling(table, c), vec(table, c, ROLL_DIRECTION)
-    return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
+    return dot(now, before) < (1.0 - 0.5 * STRAIGHT * STRAIGHT) * norm(now) * norm(before)
 
 
 def longest_step(system, y, c, i, mode, h):
@@ -148,7 +137,7 @@ def longest_step(system, y, c, i, mode, h):
         return min(left, h)
     own = own_rate(system, y, c, i)
     turned = TURNS * level / own if own > 0.0 else h
-    aside = was_turned(system, c, i, STRAIGHT)
+    aside = was_turned(system, c, i)
     if left < FREE:
         least = LEAST_TURNED if aside else LEAST_PART
         return min(max(turned, least * left), STOP_PART * left)
@@ -161,37 +150,9 @@ def is_followed(method):
     return method.setting[1] == 0.0 and method.setting[4] == 0.0
 
 
-def before_noise(method, system, grid, implicit):
-    """Latest end of the last step of an adaptive method, so that errors do not delay the end of a
-    slip that is little faster than they are."""
-    last = grid.t1
-    if method.setting[4] != 0.0 or implicit:
-        return last
-    table, velocity_tolerance = (
-        system.contact_table,
-        SHARP * system.velocity_tolerance / system.speed,
-    )
-    for c in range(table.shape[0]):
-        level = table[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
-        slides = table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING
-        if (
-            slides
-            and velocity_tolerance < level <= FAST * velocity_tolerance
-            and was_turned(system, c, AT_SLIP, ASIDE)
-        ):
-            own = own_rate(system, grid.y0, c, AT_SLIP)
-            if -table[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
-                last = min(last, grid.t0 + CALM * level / own)
-    return last
-
-
-def before_stop(method, system, grid, implicit):
-    """Latest end of the last step, for slow slips and rolling.
-
-    implicit: whether it was an implicit step of an otherwise explicit method."""
+def before_stop(method, system, grid):
+    """Latest end of the last step, for slow slips and rolling."""
     last, h = grid.t1, method.setting[0]
-    if method.setting[1] != 0.0:
-        return before_noise(method, system, grid, implicit)
     if not is_followed(method):
         return last
     for c in range(system.contact_table.shape[0]):
