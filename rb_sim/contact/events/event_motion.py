@@ -32,7 +32,6 @@ from rb_sim.contact.event_workspace import (
     LEAPS,
     Journal,
 )
-from rb_sim.contact.event_workspace import JAMS as JAMMED_NOTE
 from rb_sim.contact.events.event_steps import (
     EVENT,
     kind_of,
@@ -49,8 +48,8 @@ from rb_sim.contact.events.instant import (
     BEGIN,
     DONE,
     IMPACTS,
+    JAM,
     LEAVE,
-    NOTE,
     PASS,
     SETTLE,
     STRIKE,
@@ -59,7 +58,6 @@ from rb_sim.contact.events.instant import (
     Tasks,
     as_simulation_error,
     bring_back,
-    impulses_of_jam,
     leap,
     not_finite,
     singular_values,
@@ -96,6 +94,7 @@ from rb_sim.contact.impacts import (
     NO_IMPULSES,
     NOTHING,
     OVERFLOWN,
+    STRUCK,
     Chatter,
     forget_bounces,
 )
@@ -629,13 +628,11 @@ class ContactMotion(GridMotion):
         for i in range(len(self.laws)) if c is None else (c,):
             table = self.system.contact_table
             if table[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
-                x = impulses_of_jam(instant, i)
-                if x is None:
-                    break
-                instant.apply(x)
-                self._call(NOTE, instant.t, instant.y, (JAMMED_NOTE, 0, 0))
+                status = self._call(JAM, instant.t, instant.y, (i, 0, 0))
                 self._journal.take(instant.workspace)
-                return
+                if status == STRUCK:
+                    return
+                break
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
         if c is None and rough:
             refuse_rough(instant, rough[0], self.names)
