@@ -175,14 +175,6 @@ def is_low(system, workspace, t, y, c):
     return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
 
 
-def see_rest(workspace, c, t):
-    """Add the end t of the series that a further bounce of contact c predicts."""
-    change = abs(t - workspace.rests[c, LAST])
-    if change <= workspace.rests[c, CHANGE]:
-        workspace.rests[c, BEST], workspace.rests[c, CHANGE] = t, change
-    workspace.rests[c, LAST] = t
-
-
 def close_endless(system, workspace, t, y):
     """Make exactly those contacts plastic whose further bounces would be below ZENO_HEIGHT."""
     table = system.contact_table
@@ -195,10 +187,14 @@ def close_endless(system, workspace, t, y):
         fall = -free_normal_acceleration(system, workspace, t, y, c)
         if fall <= 0.0:
             continue
-        see_rest(workspace, c, t + 2.0 * e * speed / (fall * (1.0 - e)))
+        ends, rests = t + 2.0 * e * speed / (fall * (1.0 - e)), workspace.rests
+        change = abs(ends - rests[c, LAST])
+        if change <= rests[c, CHANGE]:
+            rests[c, BEST], rests[c, CHANGE] = ends, change
+        rests[c, LAST] = ends
         if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * system.length:
             workspace.plastic[c] = 1
-            note(workspace, workspace.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
+            note(workspace, rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
 
 
 def close_rocking(system, workspace, t, y):
@@ -299,12 +295,6 @@ def grips(system, c, v):
     return rough and v[first_row_of(system, c)] <= velocity_tolerance_of(system)
 
 
-def friction_limits(system, c, v):
-    """Largest tangential over normal impulse of contact c, by its law at the slip before it."""
-    k = first_row_of(system, c)
-    return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
-
-
 def lay_out_impact(system, workspace, v, rule, loose):
     """Write rows and laws of an impact of the participating contacts; returns (rows, bounds).
 
@@ -312,11 +302,13 @@ def lay_out_impact(system, workspace, v, rule, loose):
     """
     table, rules = system.contact_table, workspace.contact_rules
     for c in range(table.shape[0]):
+        k = first_row_of(system, c)
+        slip = math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2)
         both = table[c, BILATERAL] == 1.0 or (rule.together and workspace.together[c] == 1)
         both, holds = both or c == rule.held, (loose and grips(system, c, v)) or c == rule.held
         rules[c, PART] = FREE if workspace.taking_part[c] == 1 else APART
         rules[c, PULLS], rules[c, LEAST] = 1.0 if both else 0.0, rule.least[c]
-        rules[c, BOUND] = HOLDS if holds else friction_limits(system, c, v)
+        rules[c, BOUND] = HOLDS if holds else traction_over_normal_force(system, c, slip)
         rules[c, ROLLS] = table[c, ROLLING_ARM]
         rules[c, SPINS] = table[c, SPINNING_ARM]
     return lay_out_in(system, workspace)

@@ -55,9 +55,10 @@ from rb_sim.numerics.vectors import symmetric_times
 
 
 def copy(to, of):
-    """Copy a vector to `to`."""
+    """Copy a vector to `to`; returns `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
+    return to
 
 
 def copy_rows(to, of):
@@ -65,6 +66,14 @@ def copy_rows(to, of):
     for i in range(of.shape[0]):
         for j in range(of.shape[1]):
             to[i, j] = of[i, j]
+
+
+def finite(y):
+    """Whether no entry of a vector is NaN or infinite."""
+    total = 0.0
+    for i in range(y.shape[0]):
+        total += 0.0 * y[i]
+    return total == 0.0
 
 
 def largest(x):

@@ -22,16 +22,7 @@ from rb_sim.catalogue.geometry.pairs import Shaken, Turntable, carrier, touching
 from rb_sim.catalogue.spec import WORLD
 from rb_sim.compiler.builder import PackedSystem, Value
 from rb_sim.compiler.calls import means
-from rb_sim.contact.events.grid import (
-    Grid,
-    Stepping,
-    advance_grid,
-    before_stop,
-    branch,
-    copy,
-    finite,
-    state_at,
-)
+from rb_sim.contact.events.grid import Grid, Stepping, advance_grid, before_stop, branch, state_at
 from rb_sim.contact.events.search import (
     GRADE,
     begin_step,
@@ -40,6 +31,7 @@ from rb_sim.contact.events.search import (
     next_event,
     note_rounded_leans,
 )
+from rb_sim.contact.problem import copy, finite
 from rb_sim.integrate.layout import (
     FINE,
     NOT_FINITE,

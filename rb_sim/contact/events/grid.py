@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.grid_motion import Grid
+from rb_sim.contact.problem import copy, finite
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import DY, FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS, address
 from rb_sim.integrate.loop import next_length
@@ -211,17 +212,6 @@ def note_stiffness(system, y):
             table[c, STIFF] = rate if lasts else 0.0
 
 
-def shortened(system, tried):
-    """(whether a step of this length is implicit, its length); it ends before slips do."""
-    table, rate, soon = system.contact_table, 0.0, FREE
-    for c in range(table.shape[0]):
-        rate = max(rate, table[c, STIFF])
-        soon = min(soon, time_to_stop(table, c, AT_SLIP, SLIDE))
-    if rate * tried > LONG:
-        tried = min(tried, STOP_PART * soon)
-    return rate * tried > LONG, tried
-
-
 PARTS = 64
 """Maximum number of equal steps for a state inside a step, if one step finds none."""
 
@@ -240,33 +230,22 @@ class Stepping(NamedTuple):
     """address of the rate's Jacobian, or the function."""
 
 
-def copy(to, of):
-    """Copy `of` to `to`; returns `to`."""
-    for i in range(of.shape[0]):
-        to[i] = of[i]
-    return to
-
-
-def finite(y):
-    """Whether no coordinate is NaN or infinite."""
-    total = 0.0
-    for i in range(y.shape[0]):
-        total += y[i]
-    return total - total == 0.0
-
-
 def is_implicit(work):
     """Whether the present step is an implicit one for stiff slips, by the last row of `work`."""
     return work[work.shape[0] - 1, 0] == 1.0
 
 
 def choose_step(method, system, t0, t, h, work):
-    """(length, end) of a step from t0 to t of length h: an implicit one, which may be shorter, if
-    slow slips are stiff."""
-    due, tried = False, h
+    """(length, end) of a step from t0 to t of length h: an implicit one if slow slips are stiff,
+    which ends before they do."""
+    table, rate, soon, tried = system.contact_table, 0.0, FREE, h
     if method.implicit:
-        due, tried = shortened(system, h)
-    work[work.shape[0] - 1, 0] = 1.0 if due else 0.0
+        for c in range(table.shape[0]):
+            rate = max(rate, table[c, STIFF])
+            soon = min(soon, time_to_stop(table, c, AT_SLIP, SLIDE))
+    if rate * tried > LONG:
+        tried = min(tried, STOP_PART * soon)
+    work[work.shape[0] - 1, 0] = 1.0 if rate * tried > LONG else 0.0
     return tried, t if tried == h else t0 + tried
 
 
@@ -279,36 +258,22 @@ def length_of_next(method, h, error, work):
     return next_length((s[0], s[1], s[2], order), h, error)
 
 
-def increment(method, system, t, y, h, work):
-    """Write dy over a step of length h from (t, y) into its row of `work`; returns the error
-    estimate for the tolerance 1."""
-    n, workspace = y.shape[0], pointer(work)
-    if is_implicit(work):
-        return call_step(
-            method.implicit, method.rate, method.jacobian, n, t, pointer(y), h, address(system),
-            part(workspace, DY * n), workspace,
-        )  # fmt: skip
-    return call_step(
-        method.step,
-        method.rate,
-        0,
-        n,
-        t,
-        pointer(y),
-        h,
-        address(system),
-        part(workspace, DY * n),
-        workspace,
-    )
-
-
 def attempt(method, system, t, y, h, work):
-    """As `increment`, with the error in units of the tolerance; 0 for a fixed step."""
-    error = increment(method, system, t, y, h, work)
-    tolerance = method.setting[1]
+    """Write dy over a step of length h from (t, y) into its row of `work`; returns the error
+    estimate in units of the tolerance, 0 for a fixed step."""
+    n, workspace, tolerance = y.shape[0], pointer(work), method.setting[1]
     if is_implicit(work):
         # Stages are solved to a tenth of it (SLIPS_STALLED): below, the estimate is rounding.
         tolerance = max(tolerance, COMPUTED_ROUNDING)
+        error = call_step(
+            method.implicit, method.rate, method.jacobian, n, t, pointer(y), h, address(system),
+            part(workspace, DY * n), workspace,
+        )  # fmt: skip
+    else:
+        error = call_step(
+            method.step, method.rate, 0, n, t, pointer(y), h, address(system),
+            part(workspace, DY * n), workspace,
+        )  # fmt: skip
     return error / tolerance if tolerance > 0.0 else 0.0
 
 

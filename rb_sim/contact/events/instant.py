@@ -373,9 +373,15 @@ def leap(at: Instant, duration: float) -> float | None:
     at.workspace.taking_part[:] = 0
     at.workspace.taking_part[touching], at.workspace.taking_part[pressed] = CANDIDATE, PRESSED
     at.workspace.moved[:] = 0
+    slow = spin_tolerance_of(at.system)
     for c in (*touching, *pressed):
-        at.workspace.moved[c] = what_moves(at, c)
-        rest_if_it_may(at, c)
+        law, (across, about) = at.laws[c], turning(at.system, c)
+        moves = at.slip_speed(c) > at.velocity_tolerance, norm(across) > slow, abs(about) > slow
+        at.workspace.moved[c] = moves
+        # what has friction at rest is stuck
+        table[c, CLOSED], table[c, SLIDE] = 1.0, STUCK if law.static > 0.0 else SLIDING
+        table[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
+        table[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
     at.refresh()
     if at.call.over(at.t, at.y, duration) != SOLVED:
         return None
@@ -401,22 +407,6 @@ def leap(at: Instant, duration: float) -> float | None:
         if impulses[at.first[c]] == 0.0:
             table[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
     return duration
-
-
-def what_moves(at: Instant, c: int) -> tuple[bool, bool, bool]:
-    """Whether contact c slips, rolls and spins."""
-    across, about = turning(at.system, c)
-    slow = spin_tolerance_of(at.system)
-    return at.slip_speed(c) > at.velocity_tolerance, norm(across) > slow, abs(about) > slow
-
-
-def rest_if_it_may(at: Instant, c: int) -> None:
-    """Close contact c, sticking in each kind of motion for which its law has static friction."""
-    table, law = at.system.contact_table, at.laws[c]
-    table[c, CLOSED] = 1.0
-    table[c, SLIDE] = STUCK if law.static > 0.0 else SLIDING
-    table[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
-    table[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
 
 
 def bring_back(at: Instant) -> None:
