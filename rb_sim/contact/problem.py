@@ -29,10 +29,11 @@ the bodies; a few contacts by dense matrices.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
+from rb_sim.integrate.layout import INTEGER
 from rb_sim.mechanics.contact.contact_bodies import keep
 from rb_sim.mechanics.systems.many_bodies import INVERSE, MASS, six, vec
 from rb_sim.numerics.complementarity import (
@@ -50,6 +51,27 @@ from rb_sim.numerics.complementarity import (
 from rb_sim.numerics.complementarity import NORMAL as OF_NORMAL
 from rb_sim.numerics.kernels import integers, pointer
 from rb_sim.numerics.vectors import symmetric_times
+
+# Workspaces: tuples of tables, whose fields are Annotated with the kind of their numbers and their
+# lengths, which are numbers or names.
+
+Tables = TypeVar("Tables", bound=tuple)
+
+
+def tables_of(kind: type[Tables]) -> dict[str, tuple[Any, ...]]:
+    """(kind of numbers, lengths) of each table."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: hint.__metadata__ for name, hint in hints.items()}
+
+
+def zeros_of(kind: type[Tables], **lengths: int) -> Tables:
+    """The tables, full of zeros, with these lengths."""
+    tables = []
+    for number, *shape in tables_of(kind).values():
+        sizes = [lengths.get(length, length) for length in shape]
+        tables.append(np.zeros(sizes, np.int64 if number == INTEGER else np.float64))
+    return kind(*tables)
+
 
 # Loops over arrays, since compiled functions have no expressions of whole arrays.
 

@@ -110,7 +110,7 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WORK_ROWS,
 )
-from rb_sim.mechanics.contact.accelerations import SLOWER
+from rb_sim.mechanics.contact.accelerations import SLOWER, slides_with_friction
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
@@ -134,7 +134,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_kinematics import STUCK
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
@@ -387,15 +387,10 @@ class ContactMotion(GridMotion):
         table, text = self.system.contact_table, super()._explain(status)
         if status == STEP_UNDERFLOW and (table[:, COMPLIANT] == 0.0).any():
             return f"{text}; {TOOL}"
-        slides_with_friction = (
-            (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
-        )
-        if status != NOT_FINITE or not self._stepping.setting[4] or not slides_with_friction.any():
+        names = [name for c, name in enumerate(self.names) if slides_with_friction(table, c)]
+        if status != NOT_FINITE or not self._stepping.setting[4] or not names:
             return text
-        names = ", ".join(
-            name for name, rub in zip(self.names, slides_with_friction, strict=True) if rub
-        )
-        return f"{text}: its iteration may fail at slow slips with friction ({names})"
+        return f"{text}: its iteration may fail at slow slips with friction ({', '.join(names)})"
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         with as_simulation_error(self._laws_now):
