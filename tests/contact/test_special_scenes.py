@@ -31,7 +31,6 @@ from rb_sim.scene.load import scene_from_mapping
 SCENES = {path.stem: path for path in sorted(Path(__file__).parent.glob("special_scenes/*.yaml"))}
 REFUSED = {
     "leaving_bilateral_edge": "contact slide reaches the edge of its surface",
-    "noise_rim_on_log": "steps in the last",
     "rough_on_what_gives": "perfectly rough contact floor slips on a compliant support",
     "sides_box_on_cylinder": "an edge of the body penetrates the support of contact c",
     "viscous_drag_lifts": "its drag, which does not depend on the normal force, lifts the body",
