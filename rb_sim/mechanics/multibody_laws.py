@@ -20,12 +20,14 @@ from rb_sim.graph.derivative import compile_columns
 from rb_sim.graph.machine import compile_law
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.mechanics.blocks import Plan, constraint_nodes, hubs_of, planned
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.laws import CompiledLaws, domain_law
 from rb_sim.mechanics.systems.elimination import (
     INDEPENDENT,
     Dependent,
     Factors,
+    Matrix,
     chosen_rows,
     constraint_matrix,
     hasten,
@@ -37,12 +39,17 @@ from rb_sim.mechanics.systems.elimination import (
 )
 from rb_sim.mechanics.systems.free import project_spins
 from rb_sim.mechanics.systems.many_bodies import (
+    BODY,
+    INERTIA,
+    MASS,
     MULTIPLIERS,
+    PARENT,
     WIDTH,
     MultiBody,
     apply_effects,
     arm_of,
     fill_all,
+    six,
     state_of,
 )
 from rb_sim.mechanics.systems.multibody import (
@@ -62,6 +69,79 @@ from rb_sim.mechanics.systems.multibody import (
 )
 from rb_sim.mechanics.systems.translation import GuidedLaws, on_guides, ways
 from rb_sim.numerics.kernels import Step
+
+# Factors of A = G M^-1 G^T if many constraints act on one body.
+#
+# All of them would be neighbours of each other. Instead the body stays as a hub: the changes a_h of
+# its accelerations by the multipliers are six more unknowns,
+#
+#     [ A    G_h ] [lambda]   [right]
+#     [G_h^T -M_h] [ a_h  ] = [  0  ],   A = G M^-1 G^T over all other bodies.
+
+
+def plan_of(system: MultiBody) -> Plan | None:
+    """Elimination plan of the rows of a system with hubs; None without hubs."""
+    first = [int(k) for k in system.first_row]
+    sizes = [after - before for before, after in zip(first, first[1:], strict=False)]
+    pairs = [(c.body, c.parent) for c in system.constraints]
+    nodes = constraint_nodes(pairs, sizes, range(len(sizes)))
+    hubs = hubs_of(nodes)
+    return planned(nodes, hubs) if hubs else None
+
+
+def factors_of(system: MultiBody, rows: Sequence[int], plan: Plan | None) -> Factors:
+    """Factors of these rows as written; solving with them gives the multipliers.
+
+    Without a plan the rows are eliminated in the given order; with one the hubs stay, and a_h is
+    found as well. Right sides of rows that are not chosen must be zero.
+    """
+    if plan is None:
+        matrix = constraint_matrix(system, rows)
+        if system.chosen:
+            switch_off(matrix, system.chosen)
+        return Factors(matrix, rows)
+    matrix = constraint_matrix(system, rows, besides=plan.hubs)
+    # rows on hubs alone have no entry until the hubs are added; their scale is that of free hubs
+    alone = [k for k in rows if k not in matrix[k]]
+    scales = {k: constraint_matrix(system, [k])[k][k] for k in alone}
+    for k in alone:
+        matrix[k][k] = 0.0
+    first = int(system.first_row[-1])
+    places = {body: first + 6 * i for i, body in enumerate(sorted(plan.hubs))}
+    for body, at in places.items():
+        _put_hub(system, matrix, body, at)
+    order = [k for k in _unknowns(system, plan, places) if k in matrix]
+    sure = frozenset(range(first, first + 6 * len(places)))
+    return Factors(matrix, order, sure=sure, scales=scales)
+
+
+def _unknowns(system: MultiBody, plan: Plan, places: dict[int, int]) -> list[int]:
+    """All rows, and accelerations of hubs, in the order of elimination."""
+    first, order = system.first_row, []
+    for node in plan.nodes:
+        if node.parts:
+            order += [k for part in node.parts for k in range(first[part], first[part + 1])]
+        else:
+            order += range(places[node.body], places[node.body] + 6)
+    return order
+
+
+def _put_hub(system: MultiBody, matrix: Matrix, body: int, at: int) -> None:
+    """Add the six rows of a hub, with unknowns from `at` on: minus its mass, coupled to the rows on
+    it."""
+    xx, yy, zz, xy, xz, yz = six(system.bodies, body, INERTIA)
+    inertia = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    rows = list(matrix)
+    for j in range(3):
+        matrix[at + j] = {at + j: -system.bodies[body, MASS]}
+        matrix[at + 3 + j] = {at + 3 + i: -inertia[j][i] for i in range(3)}
+    for k in rows:
+        for end, column in ((BODY, 0), (PARENT, 6)):
+            if k < system.row_table.shape[0] and system.row_table[k, end] == body:
+                for j in range(6):
+                    value = matrix[k].get(at + j, 0.0) + system.rows[k, column + j]
+                    matrix[k][at + j] = matrix[at + j][k] = value
+
 
 # The constraint rows of N bodies in traced laws: order of elimination, rows with a multiplier,
 # multipliers.
@@ -169,7 +249,7 @@ class SolvedRows(GuidedLaws):
 
         scale: as in `rounding`.
         """
-        factors = self._factors(system, order)
+        factors = factors_of(system, order, self.plan)
         self._put(system, factors.solve(self._chosen(system, right), self.rounding(scale)))
         return factors.rank - self.inputs.chosen.count(0.0)
 
@@ -192,14 +272,11 @@ class SolvedRows(GuidedLaws):
         chosen = dict(system.chosen)
         return {k: value * chosen.get(k, 1.0) for k, value in right.items()}
 
-    @staticmethod
-    def _factors(system: MultiBody, rows: Sequence[int]) -> Factors:
-        """Factors of these rows as written; those that are not chosen are decoupled, and their
-        right sides must be zero."""
-        matrix = constraint_matrix(system, rows)
-        if system.chosen:
-            switch_off(matrix, system.chosen)
-        return Factors(matrix, rows)
+    @cached_property
+    def plan(self) -> Plan | None:
+        """Elimination plan of a system with hubs; None for other systems and with dependent
+        rows."""
+        return None if self.redundant or self.dependent.rows else plan_of(self.system)
 
     def _put(self, system: MultiBody, found: dict[int, Any]) -> None:
         """Write the multipliers of all rows, zero for rows without one."""
@@ -359,7 +436,7 @@ class MultiBodyLaws(SolvedRows):
             project_spins(system, y)
             write_rows(system, t, y)
             worst = worst_gap(system, self.holonomic)
-            factors = self._factors(system, self.order)
+            factors = factors_of(system, self.order, self.plan)
             errors = {k: -system.rows[k, ERROR] for k in self.order}
             self._respond(system, factors, errors, self.system.length)
             move_by_response(system, y)

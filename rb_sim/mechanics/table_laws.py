@@ -19,7 +19,7 @@ from rb_sim.catalogue.spec import potential
 from rb_sim.graph.symbols import Graph
 from rb_sim.graph.table_program import Field, Program
 from rb_sim.mechanics import local
-from rb_sim.mechanics.blocks import Node, clear, clear_out, constraint_nodes, hubs_of, planned
+from rb_sim.mechanics.blocks import clear, clear_out, constraint_nodes, hubs_of, planned
 from rb_sim.mechanics.laws import CompiledLaws
 from rb_sim.mechanics.local import BARRED
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
@@ -35,8 +35,7 @@ from rb_sim.mechanics.systems.many_bodies import WIDTH, MultiBody
 
 BODIES = 12
 """Least number of bodies for which the laws are programs over tables (`python -m
-benchmarks.sizes`); with fewer only if many constraints act on one body, whose elimination in one
-law would be long."""
+benchmarks.sizes`)."""
 
 
 class TableLaws(MultiBodyLaws):
@@ -59,7 +58,7 @@ class TableLaws(MultiBodyLaws):
         """A program, and the rows of these parts in it; rows in `left_out` get no multiplier."""
         program = Program()
         nodes = constraint_nodes(self._pairs, self._sizes, parts)
-        hubs = self._hubs(nodes)
+        hubs = frozenset() if self.redundant else hubs_of(nodes)
         first = self.system.first_row
         barred = [
             tuple(BARRED if row in left_out else 0.0 for row in range(first[k], first[k + 1]))
@@ -69,15 +68,6 @@ class TableLaws(MultiBodyLaws):
         return program, ConstraintRows(
             program, plan, rows, self._bodies, barred if left_out else ()
         )
-
-    def _hubs(self, nodes: Sequence[Node]) -> frozenset[int]:
-        return frozenset() if self.redundant else hubs_of(nodes)
-
-    @property
-    def worthwhile(self) -> bool:
-        """Whether tables are faster than laws with the whole elimination in each."""
-        nodes = constraint_nodes(self._pairs, self._sizes, self._parts)
-        return len(self._bodies) >= BODIES or bool(self._hubs(nodes) and not self.dependent.rows)
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
@@ -320,9 +310,10 @@ class TableLaws(MultiBodyLaws):
 def laws_over_tables(laws: MultiBodyLaws) -> MultiBodyLaws:
     """The laws of the same system over tables, if possible and worthwhile; else the laws
     unchanged."""
-    made = TableLaws(laws.system, laws.width, laws.redundant, (), laws.dependent)
-    if laws.inputs.varied or not made.worthwhile:
+    system = laws.system
+    if system.bodies.shape[0] < BODIES or laws.inputs.varied:
         return laws
+    made = TableLaws(system, laws.width, laws.redundant, (), laws.dependent)
     try:
         for placed in (*made._symbolic.effects, *made._symbolic.constraints):
             shape_of(placed.row)

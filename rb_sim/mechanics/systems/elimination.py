@@ -238,13 +238,13 @@ class Factors:
     def solve(
         self, right: Mapping[int, Any], rounding: Mapping[int, float] = MappingProxyType({})
     ) -> dict[int, Any]:
-        """x with A x = b.
+        """x with A x = b; entries of b for `sure` unknowns default to zero.
 
         rounding: for rows with a small pivot, |b| after the previous rows that counts as zero. Near
         a singular configuration such a pivot would turn rounding into a jump; the remaining error
         is corrected beyond it.
         """
-        z, x = dict(right), {}
+        z, x = {**dict.fromkeys(self.sure, 0.0), **right}, {}
         for k in self.order:
             if k in rounding and k in self.shares:
                 rounded = where(z[k] * z[k] <= rounding[k] ** 2, 0.0, z[k])
@@ -276,13 +276,18 @@ def with_object_tables(system: MultiBody) -> MultiBody:
     return system._replace(**{name: getattr(system, name).astype(object) for name in names})
 
 
-def constraint_matrix(system: MultiBody, rows: Any) -> Matrix:
-    """A = G M^-1 G^T of these rows; entries only for rows that share a body."""
+def constraint_matrix(
+    system: MultiBody, rows: Any, besides: frozenset[int] = frozenset()
+) -> Matrix:
+    """A = G M^-1 G^T of these rows; entries only for rows that share a body.
+
+    besides: bodies that are omitted, as if they could not move.
+    """
     matrix: Matrix = {i: {} for i in rows}
     on: dict[int, list[tuple[int, int]]] = {}
     for i in rows:
         for body, column in ((system.row_table[i, BODY], 0), (system.row_table[i, PARENT], 6)):
-            if body >= 0:
+            if body >= 0 and body not in besides:
                 on.setdefault(int(body), []).append((i, column))
     for body, members in on.items():
         for at, (i, column) in enumerate(members):
