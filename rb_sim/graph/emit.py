@@ -168,9 +168,12 @@ class Piece(Operations):
         for x in self.pieces.parts[self.number]:
             names[x.number] = self.operation(x)
             if slots and x.op != "call" and x.number in slots:
-                self.store(self.as_double(x), "%frame", slots[x.number])
+                value = names[x.number]
+                if isinstance(x, Condition):  # a condition becomes 1.0 or 0.0
+                    value = self.line(f"uitofp i1 {value} to double")
+                self.store(value, "%frame", slots[x.number])
         for i, x in enumerate(self.pieces.outputs):
-            if self.belongs(x):
+            if self.pieces.part_of_output(x) == self.number:
                 self.store(self.value(x), "%out", i)
         name, frame = ("law", "") if whole else (f"piece{self.number}", ", ptr noalias %frame")
         head = (
@@ -181,10 +184,6 @@ class Piece(Operations):
             self.lines.insert(0, _array("%frame", self.pieces.frame))
         lines = [*sorted(self.declared), head, *self.lines, "  ret void", "}", RARELY, ""]
         return "\n".join(lines)
-
-    def belongs(self, x: Any) -> bool:
-        """Whether this piece writes the output."""
-        return self.pieces.part_of_output(x) == self.number
 
     def place(self, base: str, index: int) -> str:
         """Name of the address of the number at an index."""
@@ -198,11 +197,6 @@ class Piece(Operations):
         """Store a number at an index."""
         at = self.place(base, index)
         self.lines.append(f"  store double {value}, ptr {at}, align 8")
-
-    def as_double(self, x: Symbol) -> str:
-        """Name of a value as a number; a condition becomes 1.0 or 0.0."""
-        value = self.names[x.number]
-        return self.line(f"uitofp i1 {value} to double") if isinstance(x, Condition) else value
 
     def value(self, x: Any) -> str:
         """Name of an operand in this function, loaded if it is an input or from another piece."""
