@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
-from tests.sweeps.test_fit_foreign import poses, pushes, write
+from tests.bags.fit.test_fit_foreign import poses, pushes, write
 
 from rb_sim.bags.compare import differences
 from rb_sim.bags.comparison_views import drawn, motion_of, overlay
