@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
-from tests.bags.fit.test_fit_foreign import poses, pushes, write
 
 from rb_sim.bags.compare import differences
 from rb_sim.bags.comparison_views import drawn, motion_of, overlay
@@ -27,6 +26,7 @@ from rb_sim.cli.verbs.replay import PlayOptions, play, replay
 from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import TF, P, Q, T, transforms, writing
 from tests.bags.analysis.test_foreign import pose as stamped
+from tests.bags.fit.test_fit_foreign import poses, pushes, write
 from tests.io.test_rerun import column, needs_rerun, run
 
 CART = r"\/cart\/pose"
