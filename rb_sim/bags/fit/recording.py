@@ -16,13 +16,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check_list import CheckedSamples
 from rb_sim.bags.info import held
 from rb_sim.bags.resim import Inputs, blocks
 from rb_sim.bags.tracks import Tracks, Wrenches
 from rb_sim.bags.transforms import WORLD, carried_over, topic_of, words
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import first_few
-from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.mechanics.samples import Input, SampleBlock
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation, give
