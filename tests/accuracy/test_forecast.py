@@ -214,5 +214,5 @@ def test_a_compilation_that_was_broken_off_does_not_stop_the_clock() -> None:
     assert own_time() > 0.0
     counted = time.monotonic() - own_time() - timed
     assert counted >= 0.01
-    time.sleep(0.01)
-    assert abs(time.monotonic() - own_time() - timed - counted) < 1e-3
+    time.sleep(0.3)
+    assert abs(time.monotonic() - own_time() - timed - counted) < 0.2

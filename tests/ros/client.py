@@ -17,12 +17,13 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
@@ -105,12 +106,39 @@ class Client:
 
     def ask(self, kind: type, name: str, **fields: Any) -> Any:
         """Call a service of the node; the future of its answer."""
-        key = (kind, name)
-        if key not in self._clients:
-            self._clients[key] = self.node.create_client(kind, f"{NAME}/{name}")
-        service = self._clients[key]
+        if (kind, name) not in self._clients:
+            self._clients[kind, name] = self.service(kind, name)
+        return self._clients[kind, name].call_async(kind.Request(**fields))
+
+    def service(self, kind: type, name: str, depth: int = 10) -> Any:
+        """A new client of a service of the node, which the node knows. depth: of its queues."""
+        service = self.node.create_client(
+            kind, f"{NAME}/{name}", qos_profile=QoSProfile(depth=depth)
+        )
         self.until(service.service_is_ready, name)
-        return service.call_async(kind.Request(**fields))
+        self._until_known()
+        return service
+
+    def _until_known(self) -> None:
+        """Wait until the node knows all clients made so far.
+
+        ROS drops an answer if the service does not discover its client within 0.1 s of the call, as
+        on a busy machine. Clients are announced in the order in which they were made: when a later
+        one gets an answer, the node knows the earlier ones. Its own call may be repeated.
+        A node in the middle of a long request answers after it.
+        """
+        later = self.node.create_client(GetParameters, f"{NAME}/get_parameters")
+        self.until(later.service_is_ready, "get_parameters")
+        futures: dict[int, Any] = {}
+
+        def answered() -> bool:
+            second = int(time.monotonic())
+            if second not in futures:
+                futures[second] = later.call_async(GetParameters.Request())
+            return any(future.done() for future in futures.values())
+
+        self.until(answered, "answer of get_parameters")
+        self.node.destroy_client(later)
 
     def trigger(self, name: str) -> Trigger.Response:
         """Call ~/reset or ~/step."""

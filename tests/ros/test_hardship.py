@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rcl_interfaces.msg import Log
-from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -133,8 +132,7 @@ def test_a_client_that_goes_with_requests_under_way_holds_up_nobody(
     node = start(sphere)
     clocks = client.listen(Clock, "/clock")
     gone = Client(context)
-    service = gone.node.create_client(Trigger, f"{NAME}/reset", qos_profile=QoSProfile(depth=1000))
-    gone.until(service.service_is_ready, "the service")
+    service = gone.service(Trigger, "reset", depth=1000)
     asked = [service.call_async(Trigger.Request()) for _ in range(300)]
     gone.until(lambda: any(future.done() for future in asked), "an answer")
     gone.close()

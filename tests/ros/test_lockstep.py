@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from benchmarks import lockstep_client
@@ -176,14 +175,13 @@ def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
     node = start(sphere, out=tmp_path, start_paused=True)
     reported = client.listen(DiagnosticArray, "/diagnostics")
     client.call(advance, "advance", samples=1)
-    service = client.node.create_client(advance, f"{NAME}/advance")
-    client.until(service.service_is_ready, "the service")
-    future: Any = service.call_async(advance.Request(samples=100_000_000))
+    step, pause = client.service(Trigger, "step"), client.service(SetBool, "pause")
+    future = client.ask(advance, "advance", samples=100_000_000)
     client.spin(1.5)
     reported.clear()
     client.until(lambda: len(reported) >= 2, "diagnostics")  # they go on
     assert not future.done()
-    waiting = [client.ask(Trigger, "step"), client.ask(SetBool, "pause", data=False)]
+    waiting = [step.call_async(Trigger.Request()), pause.call_async(SetBool.Request(data=False))]
     client.spin(0.3)
     node.process.send_signal(signal.SIGTERM)
     client.until(future.done, "the answer")
@@ -198,11 +196,7 @@ def test_a_signal_ends_a_long_request_which_says_how_far_it_came(
 def test_no_request_is_lost_where_many_are_on_the_way(advance, sphere, start, client: Client):
     """ROS keeps ten of a service by itself."""
     start(sphere, start_paused=True)
-    service = client.node.create_client(
-        advance, f"{NAME}/advance", qos_profile=QoSProfile(depth=1000)
-    )
-    client.until(service.service_is_ready, "the service")
-    client.spin(0.5)
+    service = client.service(advance, "advance", depth=1000)
     futures: list[Any] = [service.call_async(advance.Request(samples=1)) for _ in range(200)]
     client.until(lambda: all(future.done() for future in futures), "all answers")
     stamps = [seconds(future.result().stamp) for future in futures]

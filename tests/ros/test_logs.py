@@ -133,9 +133,7 @@ def test_who_ends_a_node_whose_writer_hangs_is_told_what_it_waits_for(
     (writer,) = psutil.Process(node.process.pid).children()
     writer.suspend()
     if lockstep:
-        asking = client.node.create_client(advance, f"{NAME}/advance")
-        assert asking.wait_for_service(60.0)
-        asking.call_async(advance.Request(samples=4_000_000_000))
+        client.ask(advance, "advance", samples=4_000_000_000)
     client.spin(2.0)  # it is full within a tenth of that
     node.process.send_signal(signal.SIGINT)
     node.wait_for("warning: waits up to 120 s for the process that writes bag in", 60.0)

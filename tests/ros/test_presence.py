@@ -188,21 +188,11 @@ def test_what_is_seen_first_does_not_wait_for_what_simulates(sphere):
 MOST = 50
 """Requests of each service that wait for an answer."""
 
-KEPT = QoSProfile(depth=1000)
-
 
 def hammered(client: Client, requests: list[tuple[type, str, Any]], over: Callable[[], bool]):
     """Send requests (kind, name, request) without a break until it is over, and then for a while;
     the answers of each, in order. All are waited for."""
-    kinds = [client.node.create_client(kind, f"{NAME}/{name}", qos_profile=KEPT) for kind, name, _
-             in requests]  # fmt: skip
-    for service, (_, _, request) in zip(kinds, requests, strict=True):
-        client.until(service.service_is_ready, service.srv_name)
-        # ROS drops an answer to a client that the node's side of DDS has not seen yet
-        first = service.call_async(request)
-        while not first.done():
-            first = service.call_async(request)
-            client.spin(0.1)
+    kinds = [client.service(kind, name, depth=1000) for kind, name, _ in requests]
     sent: list[list[Any]] = [[] for _ in requests]
     more = 300
     while more:
