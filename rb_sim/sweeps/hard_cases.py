@@ -338,7 +338,7 @@ The table is that of `--quick`: cases that take more than some seconds are not i
 """
 
 PEERS = """
-## Beside other engines
+## Compared with other engines
 
 Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
 method (%s) at steps of a sample period down to 1/1024 of it; the row is the best step.
