@@ -11,9 +11,9 @@
 
 The example of the page, set moving: its body is thrown and spun as far as the law lets it, under
 gravity; where the law exerts a torque only, it drifts without weight. Left the body at three
-instants (a box, unless its shape is a sphere), the joint (pivot, axis with bearings, rail, rod, spring, plane), the path of the
-centre of mass, and the law's force on the body along it, or its torque. Right that force (full) and
-its torque about the anchor (dashed) over time, world axes.
+instants (a box, unless its shape is a sphere), the joint (pivot, axis with bearings, rail, rod,
+spring, plane), the path of the centre of mass, and the law's force on the body along it, or its
+torque. Right that force (full) and its torque about the anchor (dashed) over time, world axes.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _draw_path(axes: Any, path: np.ndarray, force: np.ndarray | None, size: floa
 
 
 def _edges(shape: Any, half: float) -> list[np.ndarray]:
-    """Lines of the body in body axes [m]: circles of a sphere, else edges of a box of length 2 half."""
+    """Lines of the body, body axes [m]: circles of a sphere, else a box of half length `half`."""
     if shape is not None and shape.type == "sphere":
         turn = np.linspace(0.0, 2.0 * np.pi, 37)
         circle = shape.radius * np.array([np.cos(turn), np.sin(turn), 0.0 * turn])
