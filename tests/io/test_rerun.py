@@ -497,3 +497,18 @@ def test_arrows_have_one_scale_however_the_samples_came(tmp_path):
     assert one == many
     assert f"{1.0 / one:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")  # m/s for a metre
     assert 0.05 < one * 9.81 * 2.5 < 50.0  # the median speed, as long as an eighth of the way
+
+
+@needs_rerun
+def test_what_never_turns_has_no_plot_of_its_attitude(tmp_path):
+    """The view of the beginning has the plot, that of the whole run has not."""
+    from rb_sim import Simulation
+
+    simulation = Simulation(load_scene("sphere_slides_off", duration=0.1))
+    sink = RerunSink(tmp_path / "r.rrd")
+    simulation.run(sinks=[sink])
+    sink.close()
+    printed = run("rrd", "print", "-vvv", sink.path)
+    views = [line for line in printed.splitlines() if "[TimeSeries]" in line]
+    assert sum("ball: position" in line for line in views) == 2
+    assert sum("ball: orientation" in line for line in views) == 1
