@@ -99,7 +99,7 @@ def test_endings_are_checked_before_anything_is_read(tmp_path):
         replay(tmp_path / "none", save=Path("a.mp4"))
     with pytest.raises(SinkError, match=r"a.jpg: the name must end in \.png$"):
         replay(tmp_path / "none", screenshot=Path("a.jpg"))
-    with pytest.raises(SinkError, match="no such bag$"):
+    with pytest.raises(SinkError, match="does not exist; must be a bag"):
         replay(tmp_path / "none", save=Path("a.rrd"))
 
 
