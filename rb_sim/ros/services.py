@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from rclpy.node import Node
@@ -31,6 +31,7 @@ from rb_sim.ros.serving import Turns, serve, unusable
 from rb_sim.ros.stepper import Stepper
 from rb_sim.ros.topics.command import (
     Command,
+    Commands,
     Refusal,
     Vector,
     beyond,
@@ -40,11 +41,49 @@ from rb_sim.ros.topics.command import (
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import SampleLayout, SampleRow
-    from rb_sim.ros.node import SimulationLoop
     from rb_sim.ros.stepper import Stepper
     from rb_sim.scene.schema import Scene
     from rb_sim.simulation.simulation import Simulation
     from rb_sim.simulation.state_override import Placement
+
+
+class Loop(Protocol):
+    """The node's loop as seen by the services."""
+
+    paused: bool
+    inactive: bool
+    failure: str
+    turns: Turns
+
+    @property
+    def t(self) -> float:
+        """Simulated time [s]."""
+        ...
+
+    @property
+    def commands(self) -> Commands:
+        """The commanded wrenches."""
+        ...
+
+    def pause(self, paused: bool) -> None:
+        """Pause or continue."""
+        ...
+
+    def reset(self) -> None:
+        """Restart from the scene's initial state."""
+        ...
+
+    def step_once(self) -> None:
+        """Advance one sample period while paused."""
+        ...
+
+    def set_state(self, bodies: dict[str, Placement], *, project: bool) -> None:
+        """Set the state of bodies; project: onto the constraints first."""
+        ...
+
+    def leave(self) -> None:
+        """End the node."""
+        ...
 
 
 # ~/advance (rb_sim_interfaces/Advance): takes wrenches, advances samples, returns state and
@@ -127,7 +166,7 @@ class Lockstep:
     def __init__(
         self,
         node: Node,
-        loop: SimulationLoop,
+        loop: Loop,
         simulation: Simulation,
         stepper: Stepper,
     ) -> None:
@@ -240,12 +279,12 @@ class Services:
         """lock shared by requests and the thread that prepares, runs and ends the loop."""
         self.paused = paused
         """how the node is to start, as last requested."""
-        self._loop: SimulationLoop | None = None
+        self._loop: Loop | None = None
         serve(node, Trigger, "~/reset", self._reset)
         serve(node, SetBool, "~/pause", self._pause)
         serve(node, Trigger, "~/step", self._step)
 
-    def serve(self, loop: SimulationLoop | None) -> None:
+    def serve(self, loop: Loop | None) -> None:
         """Let the services act on this loop from here on; None: on no loop, as at first.
 
         To be called in a turn, after the loop has published its initial state.
@@ -261,7 +300,7 @@ class Services:
                 answer.message = str(error)
         return answer
 
-    def _there(self) -> SimulationLoop:
+    def _there(self) -> Loop:
         """The loop. Raises RbSimError if there is none yet."""
         if self._loop is None:
             raise RbSimError(COMPILING)
@@ -308,9 +347,7 @@ class Services:
 class SetStateService:
     """Serves ~/set_state. loop: the node's."""
 
-    def __init__(
-        self, node: Node, loop: SimulationLoop, simulation: Simulation, stepper: Stepper
-    ) -> None:
+    def __init__(self, node: Node, loop: Loop, simulation: Simulation, stepper: Stepper) -> None:
         from rb_sim_interfaces.srv import SetState  # type: ignore[import-not-found]
 
         self._loop, self._stepper = loop, stepper
@@ -380,7 +417,7 @@ TIME_GOES_ON = "simulated time goes on"
 class SimulationServices:
     """Serves simulation_interfaces. may_quit: whether a request may end the node."""
 
-    def __init__(self, node: Node, loop: SimulationLoop, *, may_quit: bool) -> None:
+    def __init__(self, node: Node, loop: Loop, *, may_quit: bool) -> None:
         from simulation_interfaces import msg, srv  # type: ignore[import-not-found]
 
         self._loop, self._may_quit = loop, may_quit
@@ -484,7 +521,7 @@ OWN = "rb_sim_interfaces"
 
 
 def offer_services(
-    node: Node, loop: SimulationLoop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
+    node: Node, loop: Loop, simulation: Simulation, stepper: Stepper, *, may_quit: bool
 ) -> None:
     """Create ~/advance, ~/set_state and simulation_interfaces' services, if their types exist."""
 

@@ -26,7 +26,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from struct import Struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
@@ -35,9 +35,6 @@ from rclpy.serialization import deserialize_message
 from rb_sim.catalogue.spec import STRONGEST
 from rb_sim.io.messages.topic_names import WORLD, body_frame, body_topic
 from rb_sim.ros.topics.inbox import Inbox, Polled
-
-if TYPE_CHECKING:
-    from rb_sim.ros.stepper import Ahead
 
 Vector = tuple[float, float, float]
 UNKNOWN_FRAME = "unknown frame"
@@ -70,6 +67,16 @@ class Command(NamedTuple):
     """[N]."""
     torque: Vector
     """about the body origin [N m]."""
+
+
+class TakesWrench(Protocol):
+    """The interface of Simulation that commands use."""
+
+    def apply_wrench(
+        self, body: str, force: Sequence[float], torque: Sequence[float], frame: str = "world"
+    ) -> None:
+        """Apply a force [N] and a torque about the body origin [N m] from now on."""
+        ...
 
 
 class Limits(NamedTuple):
@@ -189,7 +196,7 @@ class Commands:
         self.refused: Counter[str] = Counter()
         """number of messages without effect, by reason."""
 
-    def apply(self, simulation: Ahead, t: float, timeout: float) -> None:
+    def apply(self, simulation: TakesWrench, t: float, timeout: float) -> None:
         """Apply the newest command of each body to the simulation, and end those that timed out.
 
         t: simulated time from which it acts [s]. timeout: see wrench_timeout [s].
@@ -234,7 +241,7 @@ class Commands:
             if self._newest.pop(body, None) is not None:
                 self.refused[OVERTAKEN] += 1
 
-    def give(self, simulation: Ahead, body: str, command: Command, t: float) -> None:
+    def give(self, simulation: TakesWrench, body: str, command: Command, t: float) -> None:
         """Let a command act from time t [s] on. Raises RbSimError if the body takes none."""
         simulation.apply_wrench(body, command.force, command.torque, command.frame)
         self._since[body] = t
