@@ -120,7 +120,7 @@ class Spec(BaseModel):
         raise refuse_at(*unknown, *beside)
 
     EQUATION: ClassVar[str] = ""
-    """equation of a law in the symbols of docs/method.md; its page shows it."""
+    """section of the law's page: the equation in LaTeX, its symbols as on docs/laws/index.md."""
 
     commandable: ClassVar[bool] = False
     """for effects: whether its rows hold a wrench that is set from outside."""

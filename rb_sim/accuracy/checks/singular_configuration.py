@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.checks.check import Checker, CheckInput, Run
-from rb_sim.accuracy.checks.violation import coordinates
+from rb_sim.accuracy.checks.violation import coordinates, owner_of
 from rb_sim.base.errors import Finding, RbSimError, SimulationError
 from rb_sim.compiler.graph.machine import evaluate_rows
 from rb_sim.contact.choose_motion import motion_of
@@ -27,8 +27,6 @@ from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from rb_sim.numerics.vectors import quaternion_rate
 from rb_sim.scene.compile import compile_motion
-from rb_sim.scene.initial import part_of
-from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.compiled import Compiled
@@ -406,10 +404,7 @@ class Conditioning:
 
     def _owner(self, row: int) -> str:
         """The constraint to which the row belongs."""
-        place = InitialPlace(self._scene)
-        specs: dict[str, Any] = dict(self._scene.constraints)
-        owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
-        return owners[part_of(self._system, row)]
+        return owner_of(self._scene, self._system, row)
 
     def located(self, t: float, least: float, row: int) -> SingularConfiguration:
         """The singular configuration at t at which s of this row is zero."""
