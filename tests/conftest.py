@@ -17,6 +17,7 @@ import signal
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from rb_sim.mechanics.compiled import forget
 
@@ -33,6 +34,10 @@ def _ignore_alone() -> None:
 
 
 _ignore_alone()
+
+# Neither bound of Hypothesis on time holds on a busy machine.
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy")
 
 # Of the time of tests that trace laws, which make many objects and keep most of them while they do,
 # a sixth went to a garbage collector that looked through them after every 700.

@@ -45,8 +45,9 @@ from rb_sim.mechanics.systems.many_bodies import (
     state_of,
     vec,
 )
+from rb_sim.mechanics.systems.multibody import reaction
 from rb_sim.numerics.rank import Ranked, ranked, scaled_rows, solved
-from rb_sim.numerics.vectors import add, cross, gyroscopic, rotate, sub
+from rb_sim.numerics.vectors import add, gyroscopic, rotate, sub
 
 # Equations of motion of N bodies, on numbers or symbols, and their exact derivatives.
 #
@@ -110,17 +111,9 @@ def on(system: MultiBody, t: float, y: Any) -> MultiBody:
 def reactions(system: MultiBody, y: Any, multipliers: Sequence[Any]) -> list[Any]:
     """Force and torque about the anchor of each reaction, world axes."""
     found: list[Any] = []
-    for main, *counted in system.members.tolist():
-        B = state_of(y, int(system.row_table[system.first_row[main], BODY]))
-        force: Any = (0.0, 0.0, 0.0)
-        torque: Any = (0.0, 0.0, 0.0)
-        for part in np.flatnonzero(counted):
-            for k in range(system.first_row[part], system.first_row[part + 1]):
-                x = multipliers[k]
-                force = add(force, tuple(x * r for r in vec(system.rows, k, 0)))
-                torque = add(torque, tuple(x * r for r in vec(system.rows, k, 3)))
-        arm = sub(B.p_WC, vec(system.anchors, main, 0))
-        found += [*force, *add(rotate(B.q_WB, torque), cross(arm, force))]
+    for o in range(len(system.members)):
+        force, torque, _ = reaction(system, y, o, multipliers)
+        found += [*force, *torque]
     return found
 
 

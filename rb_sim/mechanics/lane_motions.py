@@ -162,9 +162,8 @@ class Lanes:
         )
         count = len(starts)  # loops read the arrays by address
         path = self._reused("path", (count, len(times), self.n))
-        statuses, steps = np.full(count, lane_loops.OPEN), np.zeros(count, dtype=np.int64)
         carry = self._run_adaptive if self.adaptive else self._run_fixed
-        carry(starts, given, times, path, statuses, steps, goes_on)
+        statuses, steps = carry(starts, given, times, path, goes_on)
         return Runs(self._samples(path, given, times), statuses, steps)
 
     def _reused(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -178,15 +177,8 @@ class Lanes:
         return np.zeros((self._given + lane_loops.EXTRA_INPUTS, LANES))
 
     def _run_adaptive(
-        self,
-        starts: Array,
-        given: Array,
-        times: Array,
-        path: Array,
-        statuses: np.ndarray,
-        steps: np.ndarray,
-        goes_on: Callable[[], bool],
-    ) -> None:
+        self, starts: Array, given: Array, times: Array, path: Array, goes_on: Callable[[], bool]
+    ) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._inputs()
         inputs[self._given + lane_loops.TOLERANCE] = self.method.tolerance
         inputs[self._given + lane_loops.LARGEST] = self.method.largest_step
@@ -207,20 +199,14 @@ class Lanes:
         ):  # fmt: skip
             if not goes_on():
                 break
-        statuses[:], steps[:] = results.T
+        return results[:, 0].astype(np.int64), results[:, 1].astype(np.int64)
 
     def _run_fixed(
-        self,
-        starts: Array,
-        given: Array,
-        times: Array,
-        path: Array,
-        statuses: np.ndarray,
-        steps: np.ndarray,
-        goes_on: Callable[[], bool],
-    ) -> None:
-        n, inputs = self.n, self._inputs()
-        for first in range(0, len(starts), LANES):
+        self, starts: Array, given: Array, times: Array, path: Array, goes_on: Callable[[], bool]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        n, inputs, runs = self.n, self._inputs(), len(starts)
+        statuses, steps = np.full(runs, lane_loops.OPEN), np.zeros(runs, dtype=np.int64)
+        for first in range(0, runs, LANES):
             chosen = np.minimum(np.arange(first, first + LANES), len(starts) - 1)
             inputs[: self._given] = given[chosen].T
             buffer = np.zeros((3, 2 * n + lane_loops.FIXED_EXTRA, LANES))
@@ -237,6 +223,7 @@ class Lanes:
             path[first : first + here] = out[:here]
             statuses[first : first + here] = ended[:here]
             steps[first : first + here] = count[0]
+        return statuses, steps
 
     def _samples(self, path: Array, given: Array, times: Array) -> Array:
         width, count = len(self.columns), len(path)

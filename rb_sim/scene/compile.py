@@ -98,7 +98,11 @@ def compile_motion(scene: Scene, coordinates: str, place: InitialPlace | None = 
         tuple(name for name, _, _ in outputs),
         tuple(scene.constraints[base].body for _, base, _ in outputs),
         tuple(commands),
-        contact_names(scene, place),
+        tuple(
+            f"{name}/{suffix}" if suffix else name
+            for name, spec in scene.constraints.items()
+            for suffix in spec.contact_suffixes(place)
+        ),
     )
     if layout.contacts:
         from rb_sim.scene.compile_contacts import compile_contacts
@@ -150,16 +154,6 @@ def compile_effects(
     return placed, commands, tuple(sorted(breakpoints))
 
 
-def contact_names(scene: Scene, place: InitialPlace) -> tuple[str, ...]:
-    """Names of all contact points: NAME, or NAME/1, NAME/2 ... for a contact with several
-    points."""
-    return tuple(
-        f"{name}/{suffix}" if suffix else name
-        for name, spec in scene.constraints.items()
-        for suffix in spec.contact_suffixes(place)
-    )
-
-
 def reaction_names(scene: Scene, place: InitialPlace) -> list[tuple[str, str, str]]:
     """(reaction, constraint, suffix) in the order of the samples."""
     return [
@@ -197,7 +191,10 @@ def compile_maximal(
     bodies = [place.inertial(name) for name in scene.bodies]
     held = along_parents_if_close(constraints)
     system = multibody(bodies, tuple(placed), held, groups, length, speed)
-    y = initial_coordinates(scene, place)
+    starts = {name: place.start(name) for name in scene.bodies}
+    if scene.simulation.project_initial:  # bodies with a single joint are moved onto it
+        starts |= projected_alone(place, list(scene.constraints.values()))
+    y = np.array([number for start in starts.values() for field in start for number in field])
     scales = start_scales(place, owned)
     rank, rows = check_maximal(scene, system, y, owners, place.time, scales)
     indeterminate: tuple[str, ...] = ()
@@ -208,15 +205,4 @@ def compile_maximal(
         system = with_spins(system, bodies, principal_axes, y)
     return Compiled(
         system, y, layout, commands, breakpoints, indeterminate, rows, 6 * len(bodies) - rank
-    )
-
-
-def initial_coordinates(scene: Scene, place: InitialPlace) -> np.ndarray:
-    """Initial maximal coordinates; with project_initial, bodies with a single joint are moved onto
-    it."""
-    starts = {name: place.start(name) for name in scene.bodies}
-    if scene.simulation.project_initial:
-        starts |= projected_alone(place, list(scene.constraints.values()))
-    return np.concatenate(
-        [np.concatenate([np.array(field) for field in start]) for start in starts.values()]
     )

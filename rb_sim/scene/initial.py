@@ -285,7 +285,14 @@ def check_maximal(
         _refuse_lines(scene, "overflow: lengths or masses are too large or too small")
     if len(hidden):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in hidden)
-        _refuse_masses(scene, ", ".join(found))
+        masses = [body.mass for body in scene.bodies.values()]
+        raise SceneError(
+            f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg connected by "
+            f"{', '.join(found)} differ too much for double precision; give the light body more "
+            "mass (ratios up to about 1e10 run), or remove it",
+            key="constraints",
+            file=scene.file,
+        )
     if len(singular):
         found = dict.fromkeys(owners[part_of(system, int(k))] for k in singular)
         raise SceneError(
@@ -301,17 +308,6 @@ def check_maximal(
 def _refuse_lines(scene: Scene, why: str) -> NoReturn:
     raise SceneError(
         f"their equations in the initial position {why}", key="constraints", file=scene.file
-    )
-
-
-def _refuse_masses(scene: Scene, constraints: str) -> None:
-    masses = [body.mass for body in scene.bodies.values()]
-    raise SceneError(
-        f"masses of {min(masses):.3g} kg and {max(masses):.3g} kg connected by {constraints} "
-        "differ too much for double precision; give the light body more mass (ratios up to about "
-        "1e10 run), or remove it",
-        key="constraints",
-        file=scene.file,
     )
 
 

@@ -98,8 +98,16 @@ def habits(data: Mapping[str, Any], scene: Scene) -> Iterator[str]:
         more = f", and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
         yield f"names in ROS topics, frames and joints: {', '.join(others[:SHOWN])}{more}"
     still = not any(any(b.linear_velocity + b.angular_velocity) for b in scene.bodies.values())
-    pushed = any(map(_pushes, scene.effects.values()))
-    if still and not pushed and not any(map(_drives, scene.constraints.values())):
+    resisting = ("linear_drag", "quadratic_drag", "angular_damping")  # unless the medium flows
+    pushed = any(
+        effect.type not in resisting or any(getattr(effect, "medium_velocity", ()))
+        for effect in scene.effects.values()
+    )
+    driven = any(
+        getattr(spec, "rate", 0.0) or getattr(spec, "motion", None) is not None
+        for spec in scene.constraints.values()
+    )
+    if still and not pushed and not driven:
         yield (
             f"nothing moves: the scene has no effects{' but drag' if scene.effects else ''} and no "
             "body has a velocity; for gravity add effects: {weight: {type: gravity}}"
@@ -217,17 +225,6 @@ def _plane(key: str, spec: Any, scene: Scene) -> Iterator[str]:
                 f"origin of {spec.parent!r}; for its shape use surface: {{type: shape}}, for the "
                 "plane surface: {type: plane}"
             )
-
-
-def _pushes(effect: Any) -> bool:
-    """Whether an effect acts on a body at rest: drag and damping do only if their medium flows."""
-    resists = effect.type in ("linear_drag", "quadratic_drag", "angular_damping")
-    return not resists or any(getattr(effect, "medium_velocity", ()))
-
-
-def _drives(spec: Any) -> bool:
-    """Whether a constraint prescribes a motion."""
-    return bool(getattr(spec, "rate", 0.0)) or getattr(spec, "motion", None) is not None
 
 
 OVERRIDES = ("duration", "method", "rate", "step", "tolerance")

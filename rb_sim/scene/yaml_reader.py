@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -111,17 +110,15 @@ def _line(model: type[BaseModel], data: Any, path: Keys, same: list[Any]) -> str
     elif same[0]["type"] == "model_attributes_type":  # one of several models, by `type`
         unknown = {"type": f"{_at(data, path)}?"}  # the nearest name comes first
         names = _phrases_for(model, data, path, (*path, "type"), unknown)
-        needed = partial(_needed_of_type, model, data, path)
+
+        def needed(kind: str) -> list[str]:
+            return _required(model, data, path, {"type": kind})
+
         phrases = [a_mapping_of(phrase, needed) for phrase in names]
     if same[0]["type"] in ("model_type", "model_attributes_type") and not phrases:
         keys = _required(model, data, path)
         phrases = [f"a mapping {{{', '.join(f'{key}: ...' for key in keys)}}}"] if keys else []
     return f"{_found(data, path, same[0])}; must be {' or '.join(phrases or _phrases(same))}"
-
-
-def _needed_of_type(model: type[BaseModel], data: Any, path: Keys, kind: str) -> list[str]:
-    """The keys besides `type` that a mapping of a type needs at `path`."""
-    return _required(model, data, path, {"type": kind})
 
 
 def _required(model: type[BaseModel], data: Any, path: Keys, given: Any = None) -> list[str]:
@@ -226,11 +223,7 @@ def _allowed(detail: Mapping[str, Any]) -> str:
         return one_of(context.get("tag", detail["input"]), names)
     if kind == "union_tag_not_found":
         return "given"
-    return _in_our_words(str(detail["msg"]))
-
-
-def _in_our_words(message: str) -> str:
-    """A message of pydantic or of a validator as a phrase after "must be"."""
+    message = str(detail["msg"])  # of pydantic or of a validator
     for start in ("Value error, ", "Assertion failed, ", "Input should be ", "must be "):
         message = message.removeprefix(start)
     return message
@@ -245,7 +238,10 @@ def render(value: Any) -> str:
     if isinstance(value, str):
         return repr(shorten(value, 50))
     if isinstance(value, (int, float)):
-        return shorten(_number_text(value), 40)
+        try:
+            return shorten(repr(value), 40)
+        except ValueError:  # Python refuses to print very long whole numbers
+            return "a whole number of thousands of digits"
     if isinstance(value, Mapping):
         inside = ", ".join(f"{shorten(str(k), 20)}: {render(v)}" for k, v in _first(value.items()))
         return shorten("{" + inside + "}")
@@ -257,13 +253,6 @@ def render(value: Any) -> str:
 def _first(entries: Any) -> list[Any]:
     """The first 12 entries."""
     return [entry for _, entry in zip(range(12), entries, strict=False)]
-
-
-def _number_text(value: float) -> str:
-    try:
-        return repr(value)
-    except ValueError:  # Python refuses to print very long whole numbers
-        return "a whole number of thousands of digits"
 
 
 def key_text(path: Keys) -> str:

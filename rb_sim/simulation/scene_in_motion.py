@@ -531,22 +531,14 @@ class SceneInMotion(InSteps):
             watcher = Watcher(motion, watch, duration, limits, in_pieces=False)
             return watcher.carry(times, out)
 
-    def step_row(
-        self, duration: float, watch: Watch | None = None, limits: Limits = NO_LIMITS
-    ) -> SampleRow | None:
-        """`advance` over `duration` [s], then `sample_row`, in one call of the kernel.
-
-        For loops that sample after every step, where two calls cost more than the step. None if the
-        watch stopped it. Raises the errors of `advance`.
-        """
-        _check_duration(duration)
-        rows = self.step_rows(np.array([self._motion.time + duration]), watch, limits)
-        return rows[0] if rows else None
-
     def step_rows(
         self, times: Array, watch: Watch | None = None, limits: Limits = NO_LIMITS
     ) -> list[SampleRow]:
-        """As `step_row`, to each of the increasing times [s]; empty if the watch stopped it."""
+        """Samples at increasing times [s] in one call of the kernel; empty if the watch stopped it.
+
+        For loops that sample after every step, where two calls cost more than the step. Raises the
+        errors of `advance`.
+        """
         out = np.zeros((len(times), self._motion.width))
         if not self._carried(times, watch, limits, out):
             return []

@@ -142,20 +142,18 @@ def test_a_step_with_its_sample_is_the_step_and_then_the_sample(scene):
         if k == 7 and together.layout.commanded:
             for simulation in (together, apart):
                 simulation.apply_wrench(together.layout.commanded[0], (1, 2, 0), (0, 0, 0.1))
-        row = together.step_row(0.013)
+        (row,) = together.step_rows(np.array([together.time + 0.013]))
         assert apart.advance(0.013)
         expected = apart.sample_row()
-        assert row is not None and row.t == expected.t
+        assert row.t == expected.t
         np.testing.assert_array_equal(row.row, expected.row)
         np.testing.assert_array_equal(row.command, expected.command)
 
 
 def test_a_step_with_its_sample_ends_where_its_watch_says():
     simulation = Simulation("heavy_top", announce=None)
-    assert simulation.step_row(1e4, lambda _: False) is None
+    assert simulation.step_rows(np.array([1e4]), lambda _: False) == []
     assert simulation.time == 0.0
-    with pytest.raises(RbSimError, match="duration: got -1.0"):
-        simulation.step_row(-1.0)
 
 
 # Wrong arguments of the Python interface: one line with the field, the value, what is allowed.

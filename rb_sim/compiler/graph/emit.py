@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rb_sim.compiler.graph.symbols import INPUTS, Condition, External, Symbol, in_order
@@ -249,7 +249,9 @@ def python_source(outputs: Sequence[Any]) -> str:
     lines = ["def law(t, y, p, out):"]
 
     def name(x: Any) -> str:
-        return names[x.number] if isinstance(x, Symbol) else _python_number(x)
+        if isinstance(x, Symbol):
+            return names[x.number]
+        return f"({float(x)!r})" if x - x == 0.0 else f"float('{x!r}')"
 
     for x in in_order(outputs):
         if x.op in INPUTS:
@@ -258,22 +260,28 @@ def python_source(outputs: Sequence[Any]) -> str:
                 lines.append(f"    {x.op}{x.operands[0]} = float({x.op}[{x.operands[0]}])")
             continue
         names[x.number] = f"v{x.number}"
-        lines.append(f"    v{x.number} = {_python_operation(x, name)}")
+        if x.op == "call":
+            function, *arguments = x.operands
+            value = f"external['{function.name}']({', '.join(map(name, arguments))})"
+        elif x.op == "item":
+            value = f"{name(x.operands[0])}[{x.operands[1]}]"
+        else:
+            value = _operation(x, _PYTHON, name)
+        lines.append(f"    v{x.number} = {value}")
     lines += [f"    out[{i}] = {name(x)}" for i, x in enumerate(outputs)]
     return "\n".join([*lines, "    return None", ""])
 
 
-def _python_number(x: float) -> str:
-    return repr(float(x)) if x - x == 0.0 else f"float('{x!r}')"
-
-
-_PYTHON = {
+_EITHER = {
     "add": "{} + {}",
     "sub": "{} - {}",
     "mul": "{} * {}",
     "neg": "-{}",
     "lt": "{} < {}",
     "le": "{} <= {}",
+}
+"""Operations that Python and C write alike."""
+_PYTHON = _EITHER | {
     "and": "{} and {}",
     "or": "{} or {}",
     "not": "not {}",
@@ -282,17 +290,21 @@ _PYTHON = {
     "div": "divide({}, {})",
     "fabs": "abs({})",
 }
+_C = _EITHER | {
+    "and": "{} && {}",
+    "or": "{} || {}",
+    "not": "!{}",
+    "select": "{} ? {} : {}",
+    "rarely": "{} ? {} : {}",
+    "div": "{} / {}",
+}
 
 
-def _python_operation(x: Symbol, name: Any) -> str:
-    if x.op == "call":
-        function, *arguments = x.operands
-        return f"external['{function.name}']({', '.join(map(name, arguments))})"
-    if x.op == "item":
-        return f"{name(x.operands[0])}[{x.operands[1]}]"
-    operands = [f"({name(o)})" for o in x.operands]
-    if x.op in _PYTHON:
-        return _PYTHON[x.op].format(*operands)
+def _operation(x: Symbol, words: Mapping[str, str], name: Callable[[Any], str]) -> str:
+    """An operation in a language; those without a word are functions of its library."""
+    operands = [name(o) for o in x.operands]
+    if x.op in words:
+        return words[x.op].format(*operands)
     return f"{x.op}({', '.join(operands)})"
 
 
@@ -301,22 +313,6 @@ def _python_operation(x: Symbol, name: Any) -> str:
 # The operations are in the order of the graph, one per line; a compiler without fused multiply-add
 # gives the numbers of the machine code of `emit`, except for sines and similar functions of its own
 # library.
-
-
-_OPERATION = {
-    "add": "{} + {}",
-    "sub": "{} - {}",
-    "mul": "{} * {}",
-    "div": "{} / {}",
-    "neg": "-{}",
-    "lt": "{} < {}",
-    "le": "{} <= {}",
-    "and": "{} && {}",
-    "or": "{} || {}",
-    "not": "!{}",
-    "select": "{} ? {} : {}",
-    "rarely": "{} ? {} : {}",
-}
 
 
 def c_function(outputs: Sequence[Any]) -> str | None:
@@ -332,16 +328,9 @@ def c_function(outputs: Sequence[Any]) -> str | None:
     for x in order:
         if x.op not in INPUTS:
             kind = "bool" if isinstance(x, Condition) else "double"
-            lines.append(f"    const {kind} v{x.number} = {_operation(x)};")
+            lines.append(f"    const {kind} v{x.number} = {_operation(x, _C, _operand)};")
     lines += [f"    out[{i}] = {_operand(x)};" for i, x in enumerate(outputs)]
     return "\n".join([*lines, "}", ""])
-
-
-def _operation(x: Symbol) -> str:
-    operands = [_operand(o) for o in x.operands]
-    if x.op in _OPERATION:
-        return _OPERATION[x.op].format(*operands)
-    return f"{x.op}({', '.join(operands)})"  # of C's library
 
 
 def _operand(x: Any) -> str:

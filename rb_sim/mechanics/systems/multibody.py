@@ -194,24 +194,27 @@ def put_rates(system, y, dy):
             dy[k + 7 + j] = system.bodies[i, RESPONSE + j]
 
 
+def reaction(system, y, o, multipliers):
+    """(force, torque about the anchor, anchor) of a reaction from the multipliers of all rows;
+    world axes."""
+    main, *counted = system.members[o]
+    B = state_of(y, system.row_table[system.first_row[main], BODY])
+    force, torque_B = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for part in np.flatnonzero(counted):
+        for k in range(system.first_row[part], system.first_row[part + 1]):
+            force = add(force, scale(multipliers[k], vec(system.rows, k, 0)))
+            torque_B = add(torque_B, scale(multipliers[k], vec(system.rows, k, 3)))
+    point = vec(system.anchors, main, 0)
+    return force, add(rotate(B.q_WB, torque_B), cross(sub(B.p_WC, point), force)), point
+
+
 def put_reactions(system, y, out, first):
     """Write the reactions from the multipliers: force, torque about the anchor, anchor; world
     axes."""
-    rows, members = system.rows, system.members
     anchor_all(system.constraints, system, y)
     at = first
-    for o in range(members.shape[0]):
-        main = members[o, 0]
-        B = state_of(y, system.row_table[system.first_row[main], BODY])
-        force, torque_B = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for part in range(members.shape[1] - 1):
-            if members[o, 1 + part] != 0:
-                for k in range(system.first_row[part], system.first_row[part + 1]):
-                    x = system.vectors[MULTIPLIERS, k]
-                    force = add(force, scale(x, vec(rows, k, 0)))
-                    torque_B = add(torque_B, scale(x, vec(rows, k, 3)))
-        point = vec(system.anchors, main, 0)
-        torque = add(rotate(B.q_WB, torque_B), cross(sub(B.p_WC, point), force))
+    for o in range(system.members.shape[0]):
+        force, torque, point = reaction(system, y, o, system.vectors[MULTIPLIERS])
         for j in range(3):
             out[at + j] = force[j]
             out[at + 3 + j] = torque[j]
