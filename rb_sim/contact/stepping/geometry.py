@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 
 from rb_sim.catalogue.geometry.solids import boxes_touching
-from rb_sim.contact.problem import rate_of
 from rb_sim.contact.stepping.scene_tables import (
     BODY,
     BOXES,
@@ -36,7 +35,6 @@ from rb_sim.contact.stepping.step_workspace import (
     ENDS,
     GAP,
     MEMORY,
-    MOVES,
     NORMAL,
     PLACE,
     POINT,
@@ -230,9 +228,14 @@ def find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h):
         bends[i, 1], bends[i, 2] = dot(t1, across), dot(t2, across)
 
 
-def find_crowds(laws, active, ends, held, n):
-    """Write CROWD for groups of bodies in contact with each other in which contacts may act on a
-    body by more than six rows; n: number of contacts. A body on fixed supports only is no crowd."""
+def straighten_crowds(laws, bends, active, ends, held, n):
+    """Set the bends of the contacts of crowds to zero, and mark these contacts: in a moving heap
+    the bends contradict each other.
+
+    A crowd is a group of bodies in contact with each other in which contacts may act on a body by
+    more than six rows; a body on fixed supports only is none. n: number of contacts; held:
+    workspace.
+    """
     for i in range(held.shape[0]):
         held[i] = 0.0
     for i in range(n):
@@ -251,22 +254,7 @@ def find_crowds(laws, active, ends, held, n):
             if max(held[b], held[a]) > FREEDOMS:
                 held[b] = held[a] = CROWD
                 changed = True
-
-
-def straighten_crowds(laws, bends, active, ends, held, n):
-    """Set the bends of the n contacts of a crowd to zero, and mark these contacts: in a moving heap
-    the bends contradict each other."""
-    find_crowds(laws, active, ends, held, n)
     for i in range(n):
         bends[i, CROWDED] = 1.0 if held[ends[i, 0]] == CROWD else 0.0
         if bends[i, CROWDED] == 1.0:
             bends[i, 0] = bends[i, 1] = bends[i, 2] = 0.0
-
-
-def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
-    """Store the relative velocity of point c (rows from k on) after the impulses."""
-    n, moved = vec(spots, c, NORMAL), vec(spots, c, MOVES)
-    memory[c, THEN] = rate_of(rows, k, u, b, a) - dot(n, moved)
-    s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)
-    s2 = rate_of(rows, k + 2, u, b, a) - dot(t2, moved)
-    keep(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))

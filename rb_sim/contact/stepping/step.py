@@ -55,7 +55,7 @@ from rb_sim.contact.problem import (
 )
 from rb_sim.contact.proximal_newton import LOOSE, proximal_newton, solve_exactly, sweep_near
 from rb_sim.contact.stepping.constraint_rows import gather, gather_joints, graph_of, speed_at
-from rb_sim.contact.stepping.geometry import has_turned, note_middle
+from rb_sim.contact.stepping.geometry import has_turned
 from rb_sim.contact.stepping.scene_tables import ALONE, PERFECTLY_ROUGH
 from rb_sim.contact.stepping.step_workspace import (
     ACTIVE,
@@ -92,6 +92,7 @@ from rb_sim.contact.stepping.step_workspace import (
     STRUCK,
     SWEEPS,
     SWEPT,
+    THEN,
     TURNED,
     TWIST,
     UNSOLVED,
@@ -224,7 +225,11 @@ def keep_impulses(tables, memory, workspace, y, n, h):
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
         keep(memory, c, TWIST, add(turning, scale(x[k + 5], normal)))
         leaving = rate_of(rows, k, u, b, a) - moves + workspace.bends[i, 0]
-        note_middle(memory, spots, rows, u, c, k, t1, t2, b, a)
+        moved = vec(spots, c, MOVES)  # velocity relative to the support after the impulses
+        memory[c, THEN] = rate_of(rows, k, u, b, a) - moves
+        s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)
+        s2 = rate_of(rows, k + 2, u, b, a) - dot(t2, moved)
+        keep(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))
         memory[c, STAYS] = 1.0 if abs(leaving) <= slow else 0.0
         left = leaving > slow and not held
         memory[c, CLOSED] = 0.0 if x[k] == 0.0 or left else 1.0
@@ -298,44 +303,29 @@ def made_in(workspace, y, i, c):
     return across, along, workspace.x[k] * rebound
 
 
-def add_to(total, body, made, taken):
-    """Add the energies of one point to those of a body; -1: the world."""
-    if body >= 0:
-        total[body, 0] += made
-        total[body, 1] += taken
-
-
-def gains(total, workspace, i):
-    """Whether the impact of a body of contact i, over all its points, increases the energy."""
-    b, a = workspace.ends[i, 0], workspace.ends[i, 1]
-    return total[b, 0] > GAINS * total[b, 1] or (a >= 0 and total[a, 0] > GAINS * total[a, 1])
-
-
-def some_rebound(tables, workspace, n):
-    """Whether any contact rebounds in this step."""
-    for i in range(n):
-        c = workspace.active[i]
-        if bounces(tables, c) and rebound_of(workspace, i, c) > 0.0:
-            return True
-    return False
-
-
 def take_gains(tables, workspace, y, n, restitution):
     """Remove the rebounds that increase the energy; returns their number. restitution: becomes e
     for those by Newton's law, else 0, (n,)."""
-    count, total = 0, np.zeros((tables.bodies.shape[0], 2))
+    count, total, works = 0, np.zeros((tables.bodies.shape[0], 2)), np.zeros((n, 3))
     for i in range(n):
-        if bounces(tables, workspace.active[i]):
-            across, along, taken = made_in(workspace, y, i, workspace.active[i])
-            add_to(total, workspace.ends[i, 0], across + along, taken)
-            add_to(total, workspace.ends[i, 1], across + along, taken)
+        if not bounces(tables, workspace.active[i]):
+            continue
+        across, along, taken = made_in(workspace, y, i, workspace.active[i])
+        works[i, 0], works[i, 1], works[i, 2] = across, along, taken
+        for side in range(2):
+            body = workspace.ends[i, side]
+            if body >= 0:
+                total[body, 0] += across + along
+                total[body, 1] += taken
     for i in range(n):
-        c, k = workspace.active[i], CONTACT_ROWS * i
+        c, k, gains = workspace.active[i], CONTACT_ROWS * i, False
         restitution[i] = 0.0
-        across, along, taken = made_in(workspace, y, i, c)
+        for side in range(2):
+            body = workspace.ends[i, side]
+            gains = gains or (body >= 0 and total[body, 0] > GAINS * total[body, 1])
         # friction does work, and more than the normal impulse dissipates
-        creates = across > 0.0 and across + along > GAINS * taken
-        if bounces(tables, c) and creates and gains(total, workspace, i):
+        creates = works[i, 0] > 0.0 and works[i, 0] + works[i, 1] > GAINS * works[i, 2]
+        if creates and gains:
             if workspace.rules[i, LEAST] > 0.0:
                 workspace.rules[i, LEAST] = 0.0
             else:
@@ -472,8 +462,6 @@ def solve_without_gain(tables, workspace, graph, x, y):
     """As `solve_impulses`, with rebounds that do not increase the energy."""
     rest, made = solve_impulses(tables, workspace, graph, x, y)
     n = graph.ends.shape[0]
-    if not some_rebound(tables, workspace, n):
-        return rest, made
     restitution = np.empty(n)
     if take_gains(tables, workspace, y, n, restitution) == 0:
         return rest, made

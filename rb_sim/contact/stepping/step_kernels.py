@@ -165,16 +165,6 @@ def shift_deepest(tables, workspace, y):
     return False
 
 
-def find_carried(tables, memory, workspace, carried):
-    """Write 1 for each body on a driven support, whose work may lift it."""
-    for c in range(tables.owners.shape[0]):
-        if memory[c, CLOSED] != 1.0:
-            continue
-        moves, turns = vec(workspace.spots, c, MOVES), vec(workspace.spots, c, TURNS_AT)
-        if dot(moves, moves) + dot(turns, turns) > 0.0:
-            carried[tables.owners[c, 0]] = 1.0
-
-
 def find_supports(tables, memory, links):
     """Write for each body the contact point that connects it to the world by the fewest bodies, of
     several points of a pair that with the largest impulse; -1: none."""
@@ -244,7 +234,10 @@ def book_lift(tables, memory, workspace, y):
     """
     n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
     carried, links, known = np.zeros(n), np.empty(n, np.int64), False
-    find_carried(tables, memory, workspace, carried)
+    for c in range(tables.owners.shape[0]):  # 1: on a driven support, whose work may lift it
+        moves, turns = vec(workspace.spots, c, MOVES), vec(workspace.spots, c, TURNS_AT)
+        if memory[c, CLOSED] == 1.0 and dot(moves, moves) + dot(turns, turns) > 0.0:
+            carried[tables.owners[c, 0]] = 1.0
     for i in range(n):
         B, k, m, lifted = state_of(y, i), STATE * i, tables.bodies[i, MASS], 0.0
         for j in range(3):
