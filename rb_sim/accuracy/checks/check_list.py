@@ -20,13 +20,16 @@ import numpy as np
 
 from rb_sim.accuracy.checks.balance import Ledger
 from rb_sim.accuracy.checks.check import Check, Checker, CheckInput, Effort, Run, effort_of
-from rb_sim.accuracy.checks.second_run import BOUND, SecondRun, finding_of, is_refutable
+from rb_sim.accuracy.checks.second_run import BOUND, SecondRun, finding_of, is_decided
 from rb_sim.accuracy.checks.singular_configuration import rank
 from rb_sim.accuracy.checks.step_checks import MADE, chatter, steps
 from rb_sim.accuracy.checks.violation import inside, residual
-from rb_sim.base.errors import Finding, GlobalError, tell
+from rb_sim.base.errors import Finding, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rb_sim.base.errors import GlobalError
     from rb_sim.mechanics.compiled import Compiled
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
@@ -148,29 +151,23 @@ class CheckList:
         found = self._found.get("singular configuration")
         return None if found is None else found.t
 
-    def check(self, error: GlobalError, simulation: Any, exchanged: float = 0.0) -> GlobalError:
-        """Report the global error by a second run of the simulation, if it is beyond its bound;
-        returns it, or that it is unknown.
+    def check(self, error: GlobalError, simulation: Any, exchanged: float = 0.0) -> None:
+        """Report the global error by a second run of the simulation, if it is beyond its bound.
 
-        If it is within, it refutes findings about the step, and balances whose error is within the
-        same bound: these depend on how well the samples resolve the loads. exchanged: energy of the
-        second run [J], which includes motion between the samples.
+        If it is within, it refutes the findings about the step, and balances whose error is within
+        the same bound: these depend on how well the samples resolve the loads. exchanged: energy of
+        the second run [J], which includes motion between the samples.
         """
         found = finding_of(error, simulation)
         if found is not None:
             self._found.setdefault(found.watch, found)
-            return error
-        step = self._found.get("step")
-        if error.known and step is not None and not is_refutable(step):
-            return GlobalError(unknown="the steps do not resolve the motion")
-        if error.known and error.upto is None:
+        elif error.known and error.upto is None:
             small = self._small_balances(exchanged)
             self._found = {
                 name: each
                 for name, each in self._found.items()
-                if name not in small and not is_refutable(each)
+                if name not in small and not is_decided(each)
             }
-        return error
 
     def _small_balances(self, exchanged: float) -> set[str]:
         """Names of the balances whose error at the end of the run is within BOUND."""
@@ -278,7 +275,7 @@ class CheckedSamples:
             return None
         singular = self._check_list.singular
         error = self._second.result(always, singular=singular, within=within)
-        error = self._check_list.check(error, self._simulation, self._second.exchanged)
+        self._check_list.check(error, self._simulation, self._second.exchanged)
         self._found = [*self._before, *self._check_list.findings]
         return error
 

@@ -382,19 +382,12 @@ def finding_of(error: GlobalError, simulation: Any) -> Finding | None:
     return Finding("global error", error.t, figure, bound, what, error.body, advice, finer)
 
 
-RESOLVED = 10.0
-"""Figure of the check of steps, relative to its bound, above which two runs that agree prove
-nothing: an L-stable method takes the oscillation away in both. An accurate run reaches a few times
-the bound, where errors of its steps die out."""
-
-
-def is_refutable(finding: Finding) -> bool:
+def is_decided(finding: Finding) -> bool:
     """Whether an agreeing second run refutes the finding: a fixed step too large for the motion.
 
-    Not if it is too large by RESOLVED. Not for choices in contact, where both runs choose alike, or
-    slow slips, where both lag alike.
+    Not for choices in contact, where both runs choose alike, or slow slips, where both lag alike.
     """
-    return finding.watch == "step" and finding.figure <= RESOLVED * finding.bound
+    return finding.watch == "step"
 
 
 class SecondMotion(NamedTuple):

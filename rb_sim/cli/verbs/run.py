@@ -274,7 +274,7 @@ class _Run:
         error = None
         if not self.failure and cause is None:
             error = self.second.result(self.options.check, self._look, check_list.singular)
-            error = check_list.check(error, simulation, self.second.exchanged)
+            check_list.check(error, simulation, self.second.exchanged)
             check_list.advise(quiet_step(simulation, check_list.findings, self._undisturbed))
         summary = summarize(simulation, check_list, clocks, outcome, error, timed=cause is None)
         if self.options.certify and self.interruption.cause is None and simulated(summary):
