@@ -222,20 +222,18 @@ def loads(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Iterator[Lo
                 weight = scene.bodies[layout.bodies[body]].mass * np.array(effect.acceleration)
                 yield Load(body, None, weight, none, block.position[:, body])
             continue
-        yield _wrench(block, scene, layout, effect)
+        yield _wrench(block, scene, layout, effect, block.t)
 
 
-def _wrench(block: SampleBlock, scene: Scene, layout: SampleLayout, effect: Any) -> Load:
-    """A prescribed or commanded wrench at the samples."""
+def _wrench(block: SampleBlock, scene: Scene, layout: SampleLayout, effect: Any, t: Array) -> Load:
+    """A prescribed or commanded wrench at the samples; t: their times since the scene's start."""
     body, n = layout.bodies.index(effect.body), len(block)
     if effect.type == "commanded_wrench":
         force, torque = np.split(block.command[:, layout.commanded.index(effect.body)], 2, 1)
     elif effect.type == "wrench_table":
-        force, torque = (
-            _tabulated(effect, rows, block.t) for rows in (effect.forces, effect.torques)
-        )
+        force, torque = (_tabulated(effect, rows, t) for rows in (effect.forces, effect.torques))
     else:
-        sine = np.sin(effect.angular_frequency * block.t + effect.phase)[:, None]
+        sine = np.sin(effect.angular_frequency * t + effect.phase)[:, None]
         force = np.tile(effect.force, (n, 1)) + sine * effect.sine_force
         torque = np.tile(effect.torque, (n, 1)) + sine * effect.sine_torque
     if getattr(effect, "frame", "world") == "body":
@@ -260,14 +258,18 @@ WRENCHES = ("wrench", "wrench_table", "commanded_wrench")
 """Effects whose wrench follows from time, command and attitude."""
 
 
-def gross_power(block: SampleBlock, scene: Scene, layout: SampleLayout, power: Array) -> Array:
+def gross_power(
+    block: SampleBlock, scene: Scene, layout: SampleLayout, power: Array, since: float
+) -> Array:
     """Sum of the absolute powers of each prescribed wrench and of the other loads together [W],
-    (n,); power: the sum with signs. A wrench and a drag that balance each other exchange energy
-    although their sum is zero."""
+    (n,). A wrench and a drag that balance each other exchange energy although their sum is zero.
+
+    power: the sum with signs. since: time of the samples at the scene's start [s].
+    """
     gross, rest = np.zeros(len(block)), power
     for effect in scene.effects.values():
         if effect.type in WRENCHES:
-            load = _wrench(block, scene, layout, effect)
+            load = _wrench(block, scene, layout, effect, block.t - since)
             spin = rotate(block.orientation[:, load.body], block.angular_velocity[:, load.body])
             arm = load.point - block.position[:, load.body]
             speed = block.linear_velocity[:, load.body] + cross(spin, arm)
@@ -397,7 +399,7 @@ class Ledger:
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout, since: float = 0.0) -> None:
-        self._scene, self._layout = scene, layout
+        self._scene, self._layout, self._since = scene, layout, since
         self.samples = 0
         self.worst_residual = 0.0
         """largest residual of all samples."""
@@ -452,7 +454,7 @@ class Ledger:
         missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
         # samples show no power of a pulse between them, or of a slip that ends before the next one
         hidden = self._may_work and bool(jumped.any())
-        gross = gross_power(block, self._scene, self._layout, power)
+        gross = gross_power(block, self._scene, self._layout, power, self._since)
         self._gross.add(block.t, gross[:, None])
         self._has_work = self._has_work or hidden or bool(gross.any())
         if self._has_work or self._pushed:

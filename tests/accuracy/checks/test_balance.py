@@ -141,8 +141,9 @@ PUSH, ROPE, END = 50.0, 100.0, 2.0
     ],
     ids=["constant", "body axes", "sine", "table"],
 )
+@pytest.mark.parametrize("since", [0.0, 100.7], ids=["own time", "stamps"])
 def test_a_wrench_and_the_drag_against_it_exchange_what_each_of_them_does(
-    pull: dict[str, Any], mean_square: float
+    pull: dict[str, Any], mean_square: float, since: float
 ) -> None:
     """With a mass of no effect v = F / c: the wrench gives int F^2 / c dt, the drag takes as much,
     and their sum is zero."""
@@ -151,9 +152,11 @@ def test_a_wrench_and_the_drag_against_it_exchange_what_each_of_them_does(
     effects = {"pull": pull | {"body": "b"}}
     effects["drag"] = {"type": "linear_drag", "body": "b", "coefficient": ROPE}
     options = {"duration": END, "rate": 1000.0, "method": "radau5", "tolerance": 1e-8}
-    ledger = ledger_of(
-        load_scene({"bodies": {"b": body}, "effects": effects, "simulation": options})
-    )
+    mapping = {"bodies": {"b": body}, "effects": effects, "simulation": options}
+    simulation = Simulation(load_scene(mapping))
+    block = simulation.run(watched=False).block
+    ledger = Ledger(simulation.scene, simulation.layout, since)
+    ledger.add(replace(block, t=block.t + since))
     assert ledger.exchanged == pytest.approx(2 * PUSH**2 / ROPE * END * mean_square, rel=1e-3)
 
 
