@@ -58,7 +58,7 @@ def judged_checks(case: Case, layout: SampleLayout) -> list[Check]:
 
 
 PEERS = """
-## Beside other engines
+## Compared with other engines
 
 Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
 method (%s) at steps of a sample period down to 1/1024 of it; the row is the best step.
