@@ -40,7 +40,7 @@ MOST_ERRORS = 9
 LONGEST_MISTAKE = 1000
 """Characters of the description of one mistake."""
 
-_MISSING = object()
+ABSENT = object()
 
 _ALLOWED = {
     "float_type": "a number",
@@ -168,8 +168,8 @@ def _path_in(data: Any, detail: Mapping[str, Any]) -> Keys:
     at = data
     parts = [part for part in detail["loc"] if part != "[key]"]
     for i, part in enumerate(parts):
-        below = _below(at, part)
-        if below is not _MISSING:
+        below = entry_at(at, part)
+        if below is not ABSENT:
             path.append(part)
             at = below
         elif i == len(parts) - 1 and isinstance(at, Mapping) and at.get("type") != part:
@@ -180,20 +180,20 @@ def _path_in(data: Any, detail: Mapping[str, Any]) -> Keys:
 
 
 def _at(data: Any, path: Keys) -> Any:
-    """The value at `path` of `data`, or _MISSING."""
+    """The value at `path` of `data`, or ABSENT."""
     at = data
     for part in path:
-        at = _below(at, part)
+        at = entry_at(at, part)
     return at
 
 
-def _below(at: Any, part: str | int) -> Any:
-    """The entry `part` of `at`, or _MISSING."""
+def entry_at(at: Any, part: str | int) -> Any:
+    """The entry `part` of `at`, or ABSENT."""
     if isinstance(at, Mapping):
-        return at.get(part, _MISSING)
+        return at.get(part, ABSENT)
     if isinstance(at, (list, tuple)) and isinstance(part, int) and part < len(at):
         return at[part]
-    return _MISSING
+    return ABSENT
 
 
 def _found(data: Any, path: Keys, detail: Mapping[str, Any]) -> str:
@@ -201,7 +201,7 @@ def _found(data: Any, path: Keys, detail: Mapping[str, Any]) -> str:
     if detail["type"] == "rb_sim_key":
         return "unknown key"
     at = _at(data, path)
-    if at is _MISSING:
+    if at is ABSENT:
         return MISSING
     key_itself = "[key]" in detail["loc"]
     return f"got {render(path[-1] if key_itself else at)}"

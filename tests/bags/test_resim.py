@@ -141,8 +141,8 @@ def test_scene_as_run(tmp_path):
 )
 def test_a_change_that_will_not_do(change, line):
     from rb_sim.base.errors import RbSimError
-    from rb_sim.io.bag.reader import with_value
     from rb_sim.scene import yaml_reader
+    from rb_sim.scene.values import with_value
 
     with pytest.raises(RbSimError, match=line):
         with_value(yaml_reader.parse(PUSHED, "pushed"), change)

@@ -21,7 +21,7 @@ import yaml
 from rb_sim import SceneError, SceneWarning, Simulation, Trajectory, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of, ros_name
-from rb_sim.io.bag.reader import with_value
+from rb_sim.scene.values import with_value
 
 BODY = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}}
 CAD = {

@@ -22,9 +22,9 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.spec import radians_of
-from rb_sim.io.bag.reader import replaced, value_at
 from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
+from rb_sim.scene.values import replaced, value_at
 
 # Free numbers of a scene as one vector of search variables of about unit size.
 

@@ -68,9 +68,9 @@ def splitting(options: RunOptions) -> dict[str, Any]:
 def scene_of(options: RunOptions) -> Scene:
     """The scene with the options applied. Raises SceneError, RbSimError."""
     from rb_sim.cli.verbs.scenes import of_option, scene_to_run
-    from rb_sim.io.bag.reader import with_values
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.load import OVERRIDES, as_run_text, scene_from_mapping
+    from rb_sim.scene.values import with_values
 
     overrides = {name: getattr(options, name) for name in OVERRIDES}
     try:

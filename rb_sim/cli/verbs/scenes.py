@@ -139,9 +139,9 @@ def with_changes(
     load: load_scene, which takes `overrides` as well, or load_statics.
     Raises SceneError, and RbSimError for what is no KEY=VALUE.
     """
-    from rb_sim.io.bag.reader import with_values
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
+    from rb_sim.scene.values import with_values
 
     path = find_scene(str(name_or_path))
     if not changes:

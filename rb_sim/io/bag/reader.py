@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.records import Channel
 
-from rb_sim.base.errors import RbSimError, SceneError, SinkError
-from rb_sim.base.names import keys_of, one_of
+from rb_sim.base.errors import SceneError, SinkError
 from rb_sim.io.bag.bag_sink import READABLE, RECORD, REQUIRED, SUMMARY_RECORD, checksum, summary_in
 from rb_sim.io.bag.batches import Batch, Messages, unpacked
 from rb_sim.io.bag.checked_records import Missing
@@ -65,6 +64,7 @@ from rb_sim.scene import yaml_reader
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.scene.schema import Scene
 from rb_sim.scene.shapes import SHAPES
+from rb_sim.scene.values import with_values
 
 # Assembly of the messages of each sample.
 
@@ -503,75 +503,3 @@ def scene_as_run(
     data = with_values({**data, "simulation": options}, changes)
     with SceneError.after(changes):
         return scene_from_mapping(data, name=recorded.name, file=str(reader.path), **given)
-
-
-def with_values(data: Mapping[str, Any], changes: Sequence[str]) -> Mapping[str, Any]:
-    """Scene data with several values replaced one after the other, each as in `with_value`."""
-    for change in changes:
-        data = with_value(data, change)
-    return data
-
-
-def with_value(data: Mapping[str, Any], change: str) -> dict[str, Any]:
-    """Scene data with one value replaced. change: "effects.weight.acceleration=[0,0,-1]".
-
-    Raises RbSimError if the text is not KEY=VALUE, or the key's section does not exist.
-    """
-    key, equals, text = change.partition("=")
-    names = keys_of(key.strip())
-    if not equals or names is None or len(names) < 2:
-        raise RbSimError(
-            f"--set {change}: must be KEY=VALUE with a path as KEY, e.g. bodies.top.mass=2"
-        )
-    try:
-        value = yaml_reader.parse(f"value: {text}", "--set")["value"]
-    except SceneError as error:
-        raise RbSimError(f"--set {change}: {error.message}") from None
-    try:
-        return replaced(data, names, value)
-    except RbSimError as error:
-        raise RbSimError(f"--set {key}: {error}") from None
-
-
-def replaced(data: Any, keys: Sequence[str | int], value: Any) -> Any:
-    """Copy of `data` with the value at the path `keys` replaced; unchanged parts are shared.
-
-    A last key that a mapping lacks is added, since the scene's validation checks names. Raises
-    RbSimError if the path does not exist.
-    """
-    first, rest = keys[0], keys[1:]
-    new = not rest and isinstance(data, Mapping) and isinstance(first, str)
-    if not (new or _has(data, first)):
-        indexed = isinstance(first, str) and any(isinstance(key, int) for key in rest[:1])
-        whole = f", or set the whole vector: {first}=[...]" if indexed else ""
-        raise RbSimError(_absent(data, first) + whole)
-    inner = replaced(data[first], rest, value) if rest else value
-    copy: Any = dict(data) if isinstance(data, Mapping) else list(data)
-    copy[first] = inner
-    return copy
-
-
-def value_at(data: Mapping[str, Any], key: str) -> Any:
-    """The value at a path. Raises RbSimError if it does not exist."""
-    at: Any = data
-    for name in keys_of(key) or (key,):
-        if not _has(at, name):
-            raise RbSimError(f"{key}: {_absent(at, name)}")
-        at = at[name]
-    return at
-
-
-def _has(at: Any, key: str | int) -> bool:
-    """Whether a mapping has the key, or a list the index."""
-    if isinstance(at, (list, tuple)):
-        return isinstance(key, int) and key < len(at)
-    return isinstance(at, Mapping) and key in at
-
-
-def _absent(at: Any, key: str | int) -> str:
-    known = "omitted: there is a single value"
-    if isinstance(at, Mapping):
-        known = one_of(key, at)
-    elif isinstance(at, (list, tuple)):
-        known = f"[0] to [{len(at) - 1}]"
-    return f"there is no {key!r}; must be {known}"

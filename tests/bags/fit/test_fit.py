@@ -83,7 +83,7 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     from rb_sim import Simulation, load_scene
     from rb_sim.bags.fit.fit import Recording, fit
     from rb_sim.bags.tracks import tracks_of_blocks
-    from rb_sim.io.bag.reader import value_at
+    from rb_sim.scene.values import value_at
 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})
