@@ -157,11 +157,9 @@ def refuse_sunk(all_sides: tuple[Sides, ...], times: Any, y: Array, sunk: float 
         if len(bad):
             depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
-                f"an edge of the body penetrates the support of contact {sides.name} by "
-                f"{depth:.2g} m "
-                f"at t = {t:.9g} s: only its corners and ends make contact here; add points "
-                "between "
-                "them"
+                f"the body penetrates the support of contact {sides.name} by {depth:.2g} m at "
+                f"t = {t:.9g} s: only its corners and ends make contact here; add points between "
+                "them, or use simulation.method time_stepping for two boxes"
             )
 
 
