@@ -37,7 +37,7 @@ OUT ?= out
 # What can tell versions apart: YAML and pydantic, typer and its texts, LLVM, what numpy and scipy
 # compute, files of matplotlib, mcap and rosbags. The rest is the same with other versions.
 FLOOR_TESTS := $(addprefix tests/,catalogue/test_spec.py scene/test_load.py scene/test_schema.py \
-  scene/test_yaml_reader.py scene/test_builder.py graph/test_machine.py compiler/test_program.py \
+  scene/test_yaml_reader.py scene/test_builder.py compiler/graph/test_machine.py compiler/test_program.py \
   io/test_bag_reader.py io/test_bag_writer.py io/test_bag_sqlite.py \
   io/test_plots.py equilibrium/test_closed_forms.py cli/test_run.py cli/test_errors.py \
   cli/test_public.py) \

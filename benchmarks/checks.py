@@ -41,8 +41,8 @@ import numpy as np
 
 from benchmarks import many_body_scenes
 from rb_sim import Simulation, load_scene, scenes
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.scene.load import as_run_text
 
 CASES: tuple[tuple[Any, dict[str, Any]], ...] = (

@@ -26,13 +26,17 @@ from typing import Any
 METHODS = ("__init__", "add", "finish")
 """Of a CheckList, as a run calls them."""
 
-MODULES = "rb_sim.checks", "rb_sim.checks.step_doubling", "rb_sim.checks.step_doubling"
+MODULES = (
+    "rb_sim.accuracy.checks",
+    "rb_sim.accuracy.checks.step_doubling",
+    "rb_sim.accuracy.checks.step_doubling",
+)
 """Of the checks and what they ask."""
 
 
 def main() -> int:
     path, duration = sys.argv[1], float(sys.argv[2])
-    from rb_sim.checks.check_list import CheckList
+    from rb_sim.accuracy.checks.check_list import CheckList
     from rb_sim.cli.verbs.run import RunOptions, run
 
     spent: list[float] = []

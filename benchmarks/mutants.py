@@ -159,7 +159,7 @@ def keep_what_is_compiled(modules: list[str]) -> None:
     """Let all mutants find what the tests have compiled, though a source has changed: processes
     that are forked from this one have its name of the folder."""
     from rb_sim.compiler import program
-    from rb_sim.graph import store
+    from rb_sim.compiler.graph import store
 
     program.folder(str(store.cache_root()))
     loaded = [m for m in modules if m.removesuffix(".py").replace("/", ".") in sys.modules]

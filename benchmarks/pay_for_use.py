@@ -127,7 +127,7 @@ def child(kinds: int, what: str) -> None:
 @contextmanager
 def listings() -> Iterator[list[str]]:
     """Inside, the assembly of every law that is not on disk is added to the list."""
-    from rb_sim.graph import machine
+    from rb_sim.compiler.graph import machine
 
     found: list[str] = []
     usual = machine.assembled

@@ -27,10 +27,10 @@ from benchmarks.many_body_scenes import chain
 from rb_sim import load_scene
 from rb_sim.integrate.methods.dopri853 import AdaptiveDopri853
 from rb_sim.integrate.methods.taylor import AdaptiveTaylor
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import Compiled
 
 SCENES = (
     "free_tumble",

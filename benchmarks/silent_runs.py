@@ -38,8 +38,8 @@ from benchmarks import hard_to_see
 from benchmarks.fuzz.random_scenes import scene as random_scene
 from benchmarks.known_motions import known_poses
 from rb_sim import Simulation, Trajectory
+from rb_sim.accuracy.checks.second_run import apart
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.second_run import apart
 
 RIGHT, WRONG, GROSS, SAME = 1e-3, 1e-2, 0.1, 1e-4
 

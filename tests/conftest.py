@@ -18,7 +18,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rb_sim.scene.compiled import forget
+from rb_sim.mechanics.compiled import forget
 
 IGNORED = "RB_SIM_TESTS_IGNORE"
 """Environment variable: signals that this process and its workers ignore, by number."""
@@ -53,7 +53,7 @@ def _laws_of_its_own(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture
 def no_advice(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that fails for its step is not made again in shorter ones, which takes seconds."""
-    from rb_sim.checks import step_search
+    from rb_sim.accuracy.checks import step_search
 
     monkeypatch.setattr(step_search, "MOST_TIME", 0.0)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.graph import machine
+from rb_sim.compiler.graph import machine
 
 POINTER = ctypes.POINTER(ctypes.c_double)
 LAW = ctypes.CFUNCTYPE(None, ctypes.c_double, POINTER, POINTER, POINTER)

@@ -18,11 +18,11 @@ from typing import Any
 import pytest
 
 from rb_sim import SceneError, Simulation, Trajectory, load_scene
+from rb_sim.accuracy.checks import check_list
 from rb_sim.base import errors as diagnostic
 from rb_sim.catalogue import constraints, effects
 from rb_sim.catalogue.contact import LAWS
 from rb_sim.catalogue.surfaces import SURFACES
-from rb_sim.checks import check_list
 from tests import adding
 
 G, MASS, SPEED = 10.0, 2.0, 1.0

@@ -18,7 +18,7 @@ from __future__ import annotations
 import sys
 
 from rb_sim.base.errors import RbSimError
-from rb_sim.graph.emit import c_function
+from rb_sim.compiler.graph.emit import c_function
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.systems.one_body import rate
 from rb_sim.scene.compile import compile_scene

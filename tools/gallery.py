@@ -27,10 +27,10 @@ from PIL import Image, ImageDraw
 from rb_sim import Simulation, load_scene, scenes
 from rb_sim.equilibrium.statics import solve
 from rb_sim.equilibrium.statics_picture import save_picture
-from rb_sim.io.extent import reach_of
 from rb_sim.io.rerun.rerun_sink import RerunSink
 from rb_sim.io.rerun.viewer import frames
 from rb_sim.mechanics.samples import ARRAYS, SampleBlock
+from rb_sim.scene.extent import reach_of
 from rb_sim.scene.listing import shipped_statics
 from rb_sim.scene.load import load_statics
 from rb_sim.scene.schema import Scene

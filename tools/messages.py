@@ -19,8 +19,8 @@ import ast
 from pathlib import Path
 from typing import NamedTuple
 
+from rb_sim.accuracy.checks.check_list import CHECKS
 from rb_sim.base.errors import CHECKS as WORDS
-from rb_sim.checks.check_list import CHECKS
 
 ROOT = Path(__file__).parents[1] / "rb_sim"
 
@@ -207,9 +207,9 @@ def texts() -> list[str]:
 
 def checks_that_are_named() -> set[str]:
     """Names of all checks: those of the list, and first arguments of other findings in
-    rb_sim/checks, as they stand in the sources."""
+    rb_sim/accuracy/checks, as they stand in the sources."""
     names = {name for names, _ in CHECKS for name in names}
-    for path in (ROOT / "checks").glob("*.py"):
+    for path in (ROOT / "accuracy" / "checks").glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 if node.func.id == "Finding" and node.args:

@@ -35,9 +35,9 @@ NONE_OF_THEM = {
     ("bags/info.py", "NANO"),  # a unit
     ("scene/schema.py", "DEFAULT_TOLERANCE"),  # accuracies to ask
     ("simulation/sensitivity.py", "TOLERANCE"),
-    ("sweeps/unknowns.py", "TOLERANCE"),
+    ("bags/fit/unknowns.py", "TOLERANCE"),
     ("motion/motion.py", "FIRST_PIECE"),  # a length to begin with
-    ("sweeps/unknowns.py", "STEP"), ("sweeps/slopes.py", "LEAST_SIDE"),  # lengths of differences
+    ("bags/fit/unknowns.py", "STEP"), ("sweeps/slopes.py", "LEAST_SIDE"),  # lengths of differences
     ("mechanics/contact/contact_bodies.py", "NUDGE"),
 }  # fmt: skip
 """Small constants that decide nothing."""

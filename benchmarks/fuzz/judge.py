@@ -24,9 +24,9 @@ import numpy as np
 
 from benchmarks.fuzz.newton_euler import broken_law
 from rb_sim import load_scene
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
 from rb_sim.motion.motion import Forecast
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping

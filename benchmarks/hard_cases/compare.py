@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hard_cases.described import CannotExpressError, Described, described
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.base.errors import RbSimError
-from rb_sim.checks.check_list import CheckList
 from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout, empty_block
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.listing import find_scene

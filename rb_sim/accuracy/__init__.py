@@ -7,4 +7,5 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""What accuracy costs: work-precision ladders, checked references, and the choice of a method."""
+"""Is a run accurate, and what does accuracy cost? Checks of every run, second runs, work-precision
+diagrams, and the choice of a method."""

@@ -43,12 +43,12 @@ from rb_sim.accuracy.runs import (
     pose_difference,
 )
 from rb_sim.compiler import shipped
-from rb_sim.graph import store
-from rb_sim.graph.taylor_series import NoSeriesError
+from rb_sim.compiler.graph import store
+from rb_sim.compiler.graph.taylor_series import NoSeriesError
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.table_laws import BODIES
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import Scene, SimulationOptions
 
 # Whether a method that is seldom the cheapest is tried: its machine code takes long to compile, so

@@ -44,9 +44,9 @@ from rb_sim.accuracy.runs import (
 )
 from rb_sim.base.plain_data import finite
 from rb_sim.base.rounding import COMPUTED_ROUNDING
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.motion.motion import nothing
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
 # The size of each of the six quantities, and the rounding errors of impacts.

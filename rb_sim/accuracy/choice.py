@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import METHODS, build
 from rb_sim.motion.motion import Motion
-from rb_sim.scene.compiled import Compiled
 
 # The cost of a step of each method, in evaluations of the right-hand side.
 #

@@ -33,10 +33,10 @@ from rb_sim.catalogue.effects import SPECS as EFFECTS
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.contact.events.event_motion import ContactMotion
 from rb_sim.contact.events.shares import undetermined_at_start
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import Motion, nothing
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Scene
 

@@ -34,12 +34,12 @@ from rb_sim.accuracy.choice import (
 from rb_sim.base.errors import SimulationError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.choose_motion import motion_of
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.mechanics.samples import Array, Indices, SampleLayout, row_width
 from rb_sim.mechanics.system import CONFIGURATION
 from rb_sim.motion.motion import Motion, nothing
 from rb_sim.numerics.rotations import angle_between
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import SimulationOptions
 
 BALANCE = 10

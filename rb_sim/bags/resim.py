@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check_list import CheckedSamples
 from rb_sim.base.errors import Finding, SinkError
-from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.io.bag.reader import BagReader, Rows
 from rb_sim.io.messages.cdr import NANO

@@ -28,12 +28,12 @@ from rb_sim.base.errors import RbSimError, SinkError
 from rb_sim.base.names import MOST_NAMED, first_few, ros_name
 from rb_sim.base.rounding import WRITTEN_ROUNDING, related
 from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
-from rb_sim.io.extent import reach_of
 from rb_sim.io.messages.robot_description import joints_above, slides
 from rb_sim.io.sink import restarts
 from rb_sim.mechanics.error_scales import held_together
 from rb_sim.mechanics.samples import ContactEvent, centers_of_mass, concatenate, origins
 from rb_sim.numerics.rotations import from_rotation_vector, product, rotate, unit
+from rb_sim.scene.extent import reach_of
 from rb_sim.scene.schema import Scene
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ import numpy as np
 
 from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.spec import Vec3
-from rb_sim.graph.machine import bound
-from rb_sim.graph.symbols import External, call, stepwise
+from rb_sim.compiler.graph.machine import bound
+from rb_sim.compiler.graph.symbols import External, call, stepwise
 from rb_sim.numerics.kernels import Routine, dispatch, place_of, routine, table_at
 from rb_sim.numerics.vectors import add, atan2, cos, dot, scale, sin, sub
 

@@ -21,10 +21,10 @@ from rb_sim.base.errors import named_if_lacking
 if TYPE_CHECKING:
     from rb_sim.bags.analysis.analysis_page import Analysis
     from rb_sim.bags.compare import Differences
+    from rb_sim.bags.fit.unknowns import Fitted
     from rb_sim.equilibrium.state_space import LinearModel
     from rb_sim.equilibrium.statics_tables import StaticsResult
     from rb_sim.scene.schema import Scene
-    from rb_sim.sweeps.unknowns import Fitted
 
 Source = str | PathLike[str] | Mapping[str, Any]
 """Source of a scene: a file, the name of a shipped scene, or a mapping."""
@@ -147,8 +147,8 @@ def fit(
         RbSimError: A path names no number of the scene, or the bag cannot be read.
         SimulationError: The scene cannot be simulated with its initial values.
     """
+    from rb_sim.bags.fit.fit import fit as solve
     from rb_sim.cli.verbs import fit as verb
-    from rb_sim.sweeps.fit import fit as solve
 
     keys = [free] if isinstance(free, str) else list(free)
     pairs = [f"{name}={body}" for body, name in (match or {}).items()]

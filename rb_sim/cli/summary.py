@@ -24,8 +24,8 @@ from rb_sim.contact.events.shares import undetermined_at_start
 from rb_sim.contact.few_contacts import MOST_CONTACTS
 
 if TYPE_CHECKING:
+    from rb_sim.accuracy.checks.check_list import CheckList
     from rb_sim.base.errors import GlobalError
-    from rb_sim.checks.check_list import CheckList
     from rb_sim.scene.schema import SimulationOptions
     from rb_sim.simulation.simulation import Simulation
 

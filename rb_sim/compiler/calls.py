@@ -41,7 +41,7 @@ from rb_sim.compiler.builder import (
     known,
     real_text,
 )
-from rb_sim.graph import symbols
+from rb_sim.compiler.graph import symbols
 
 Handler = Callable[..., Value]
 _MEANINGS: dict[Any, Handler] = {}

@@ -49,9 +49,9 @@ from rb_sim.compiler.builder import (
     Object,
     Tuple,
 )
-from rb_sim.graph import store
-from rb_sim.graph.machine import ENTRY, Law, interpreted, load, target_data
-from rb_sim.graph.machine import folder as laws_folder
+from rb_sim.compiler.graph import store
+from rb_sim.compiler.graph.machine import ENTRY, Law, interpreted, load, target_data
+from rb_sim.compiler.graph.machine import folder as laws_folder
 
 if TYPE_CHECKING:
     from rb_sim.compiler.unit import Unit

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 
 from rb_sim.compiler.arrays import checked
-from rb_sim.graph.machine import target_data
+from rb_sim.compiler.graph.machine import target_data
 
 HERE = pathlib.Path(__file__).resolve().parent
 PACKAGE = HERE.parents[len(__name__.split(".")) - 3]

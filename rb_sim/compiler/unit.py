@@ -31,10 +31,10 @@ from rb_sim.compiler.builder import (
     origins_of,
     real_text,
 )
+from rb_sim.compiler.graph.machine import new_module, target_machine
 from rb_sim.compiler.shipped import Target
 from rb_sim.compiler.source import parameters_of, result_type, taken_apart
 from rb_sim.compiler.translate import AgainError, CompileError, Translation
-from rb_sim.graph.machine import new_module, target_machine
 
 # LLVM IR with typed pointers for LLVM 14 (llvmlite up to 0.43, that of Ubuntu 24.04).
 #

@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import Any
 
 from rb_sim.base.errors import SceneError
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import TimeStepping
 from rb_sim.motion.motion import Motion
 from rb_sim.motion.traced import TracedMotion
-from rb_sim.scene.compiled import Compiled
 
 
 def motion_of(compiled: Compiled, method: Any) -> Motion:

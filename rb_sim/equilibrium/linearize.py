@@ -26,10 +26,10 @@ from scipy import linalg
 
 from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
+from rb_sim.compiler.graph.derivative import jacobian
+from rb_sim.compiler.graph.machine import PlainLaw
+from rb_sim.compiler.graph.symbols import Graph
 from rb_sim.equilibrium.state_space import LinearModel
-from rb_sim.graph.derivative import jacobian
-from rb_sim.graph.machine import PlainLaw
-from rb_sim.graph.symbols import Graph
 from rb_sim.mechanics.samples import Array, SampleLayout
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,

@@ -33,8 +33,8 @@ from rb_sim.catalogue.spec import BodyState
 from rb_sim.equilibrium.equilibrium import Element, Equilibrium, tangents
 from rb_sim.equilibrium.statics_of_scene import Load, active_loads, at_rest, at_zero_velocity
 from rb_sim.equilibrium.statics_tables import StaticsResult
-from rb_sim.io.extent import drawn_solid
 from rb_sim.scene import shapes
+from rb_sim.scene.extent import drawn_solid
 from rb_sim.scene.place import InitialPlace
 from rb_sim.scene.schema import Body, Scene
 

@@ -9,15 +9,15 @@
 
 """Stepping loops for several runs at once, on laws in SIMD lanes.
 
-A law in lanes (rb_sim.graph.vector_code) evaluates one run per lane of a vector register. With
-fixed steps all lanes have one clock. The steps are those of `record`.
+A law in lanes (rb_sim.compiler.graph.vector_code) evaluates one run per lane of a vector register.
+With fixed steps all lanes have one clock. The steps are those of `record`.
 """
 
 from __future__ import annotations
 
 import math
 
-from rb_sim.graph.vector_code import LANES
+from rb_sim.compiler.graph.vector_code import LANES
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import FINE, LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW, ULPS
 from rb_sim.numerics.kernels import call_law, entry, part, pointer

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rb_sim.graph.machine import interpreted
+from rb_sim.compiler.graph.machine import interpreted
 from rb_sim.integrate.attempt import MOST_CUTS, attempt, begin, copy, ended, finish, root, share_of
 from rb_sim.integrate.layout import (
     ADD,

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.io.extent import drawn_solid, half_box, inertia_box, reach_of
 from rb_sim.io.rerun.arrow_scales import nice
 from rb_sim.numerics.rotations import conjugate, rotate
+from rb_sim.scene.extent import drawn_solid, half_box, inertia_box, reach_of
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

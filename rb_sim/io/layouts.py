@@ -25,12 +25,12 @@ import yaml
 from rb_sim.base import palette
 from rb_sim.base.names import ros_name
 from rb_sim.base.palette import AXES
-from rb_sim.io.extent import reach_of
 from rb_sim.io.messages import topic_names as names
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.messages.topic_names import NAMESPACE, TF, WORLD
 from rb_sim.io.rerun.arrow_scales import drawn_reactions, nice
 from rb_sim.numerics.rotations import rotate
+from rb_sim.scene.extent import reach_of
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import SampleLayout

@@ -36,7 +36,6 @@ from rb_sim.base.palette import (
 )
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.io.drawn_supports import Sight, Supports, solid_of
-from rb_sim.io.extent import reach_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
     Lengths,
@@ -47,6 +46,7 @@ from rb_sim.io.rerun.arrow_scales import (
 from rb_sim.io.sink import Envelope, Timeline, event_text, samples_at
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import norms
+from rb_sim.scene.extent import reach_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

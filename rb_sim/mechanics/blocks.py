@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rb_sim.graph.table_program import Field, Program
+from rb_sim.compiler.graph.table_program import Field, Program
 from rb_sim.mechanics.systems.elimination import Factors, elimination_order
 
 # Neighbours of each constraint row, bodies that stay unknowns, and the order of elimination.

@@ -26,10 +26,9 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE, fill
-from rb_sim.compiler.program import folder
-from rb_sim.graph import store
-from rb_sim.graph.emit import Pieces, modules
-from rb_sim.graph.machine import (
+from rb_sim.compiler.graph import store
+from rb_sim.compiler.graph.emit import Pieces, modules
+from rb_sim.compiler.graph.machine import (
     Law,
     PlainLaw,
     compile_law,
@@ -40,7 +39,8 @@ from rb_sim.graph.machine import (
     load,
     pointer_type,
 )
-from rb_sim.graph.machine import folder as laws_folder
+from rb_sim.compiler.graph.machine import folder as laws_folder
+from rb_sim.compiler.program import folder
 from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
 from rb_sim.mechanics.inputs import cleared
 from rb_sim.mechanics.laws import CompiledLaws

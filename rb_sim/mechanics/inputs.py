@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.catalogue.spec import CHANGING, Placed
-from rb_sim.graph.symbols import Graph
+from rb_sim.compiler.graph.symbols import Graph
 
 # Places of numbers in a system: enumeration, access and replacement.
 

@@ -10,7 +10,7 @@
 """Several runs at once: motions of one body that differ only in numbers, in SIMD lanes.
 
 Each run takes the same steps and gets the same numbers as alone, bit by bit for laws without sine
-and cosine (see rb_sim.graph.vector_code).
+and cosine (see rb_sim.compiler.graph.vector_code).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.machine import Law
-from rb_sim.graph.symbols import Graph, maximum, minimum, sqrt, where
-from rb_sim.graph.vector_code import LANES, compile_lanes
+from rb_sim.compiler.graph.machine import Law
+from rb_sim.compiler.graph.symbols import Graph, maximum, minimum, sqrt, where
+from rb_sim.compiler.graph.vector_code import LANES, compile_lanes
 from rb_sim.integrate import lane_loops
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.methods import loop_of

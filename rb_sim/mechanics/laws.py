@@ -25,11 +25,11 @@ from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.effects.wrench import WorldWrenchRow
 from rb_sim.catalogue.geometry.smooth_surfaces import RimSurface, SphereSurface
 from rb_sim.catalogue.spec import BodyState
-from rb_sim.graph.derivative import PlainColumns, compile_columns, jacobian
-from rb_sim.graph.machine import Law, PlainLaw, compile_law
-from rb_sim.graph.symbols import Graph, Symbol, operations, where
-from rb_sim.graph.table_program import PlainProgram
-from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.compiler.graph.derivative import PlainColumns, compile_columns, jacobian
+from rb_sim.compiler.graph.machine import Law, PlainLaw, compile_law
+from rb_sim.compiler.graph.symbols import Graph, Symbol, operations, where
+from rb_sim.compiler.graph.table_program import PlainProgram
+from rb_sim.compiler.graph.taylor_code import SeriesLaws
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, project, sample
 from rb_sim.mechanics.systems.fixed_point import FixedAxisBody

@@ -22,7 +22,7 @@ import numpy as np
 
 from rb_sim.catalogue.constraints.rows import BIAS, COUNT, ERROR, HOLONOMIC, RATE, ROW_WIDTH, anchor
 from rb_sim.catalogue.spec import Placed, potential
-from rb_sim.graph.symbols import maximum
+from rb_sim.compiler.graph.symbols import maximum
 from rb_sim.mechanics.systems.free import project_spins
 from rb_sim.mechanics.systems.many_bodies import (
     BODY_WIDTH,

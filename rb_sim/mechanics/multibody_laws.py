@@ -16,10 +16,10 @@ from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.constraints.rows import BIAS, ERROR, HOLONOMIC, RATE
-from rb_sim.graph.derivative import compile_columns
-from rb_sim.graph.machine import compile_law
-from rb_sim.graph.symbols import Graph
-from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.compiler.graph.derivative import compile_columns
+from rb_sim.compiler.graph.machine import compile_law
+from rb_sim.compiler.graph.symbols import Graph
+from rb_sim.compiler.graph.taylor_code import SeriesLaws
 from rb_sim.mechanics.blocks import Plan, constraint_nodes, hubs_of, planned
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.laws import CompiledLaws, domain_law

@@ -19,8 +19,8 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.curves import Pieces
 from rb_sim.catalogue.spec import Placed
-from rb_sim.graph.symbols import Symbol
-from rb_sim.graph.table_program import Field, Program
+from rb_sim.compiler.graph.symbols import Symbol
+from rb_sim.compiler.graph.table_program import Field, Program
 from rb_sim.mechanics import blocks, local
 from rb_sim.mechanics.blocks import Elimination, Node, Plan, clear, packed
 from rb_sim.mechanics.systems.elimination import least_norm_external

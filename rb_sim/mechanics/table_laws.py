@@ -16,8 +16,8 @@ from functools import cached_property
 from typing import Any
 
 from rb_sim.catalogue.spec import potential
-from rb_sim.graph.symbols import Graph
-from rb_sim.graph.table_program import Field, Program
+from rb_sim.compiler.graph.symbols import Graph
+from rb_sim.compiler.graph.table_program import Field, Program
 from rb_sim.mechanics import local
 from rb_sim.mechanics.blocks import clear, clear_out, constraint_nodes, hubs_of, planned
 from rb_sim.mechanics.laws import CompiledLaws

@@ -29,9 +29,9 @@ from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.integrate.layout import LEFT_DOMAIN, NOT_FINITE, STEP_UNDERFLOW
 from rb_sim.integrate.methods.taylor import AdaptiveTaylor
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.samples import Array, ContactEvent, SampleLayout, row_width
 from rb_sim.numerics.kernels import own_time
-from rb_sim.scene.compiled import Compiled
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array

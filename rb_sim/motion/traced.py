@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import SimulationError
-from rb_sim.graph.machine import evaluate_rows, interpreted
+from rb_sim.compiler.graph.machine import evaluate_rows, interpreted
 from rb_sim.integrate import layout as place
 from rb_sim.integrate import loop as loops
 from rb_sim.integrate.layout import (
@@ -31,13 +31,13 @@ from rb_sim.integrate.layout import (
     WORK_ROWS,
 )
 from rb_sim.integrate.methods.taylor import SERIES_SIZES
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.error_scales import Small, small_motions
 from rb_sim.mechanics.laws import reference
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.system import started
 from rb_sim.motion.motion import Motion
 from rb_sim.numerics.kernels import Step
-from rb_sim.scene.compiled import Compiled
 
 Kept = tuple[Array, Any, Array, Array, dict[int, Array]]
 """Saved grid of steps: clock, counts, state, inputs and series."""

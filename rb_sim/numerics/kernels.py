@@ -34,9 +34,9 @@ from rb_sim.compiler.builder import (
     known,
 )
 from rb_sim.compiler.calls import means
+from rb_sim.compiler.graph.machine import interpreted
+from rb_sim.compiler.graph.symbols import explored
 from rb_sim.compiler.program import Entry, ForC, on_compilation
-from rb_sim.graph.machine import interpreted
-from rb_sim.graph.symbols import explored
 
 # Calls in compiled loops: laws and steps are called by their address, vectors are pointers.
 #

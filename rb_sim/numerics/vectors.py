@@ -14,7 +14,7 @@ A symmetric matrix is (xx, yy, zz, xy, xz, yz). Compiled, tuples are in register
 
 from __future__ import annotations
 
-from rb_sim.graph.symbols import atan2, cos, maximum, rarely, sin, sqrt, where
+from rb_sim.compiler.graph.symbols import atan2, cos, maximum, rarely, sin, sqrt, where
 
 # Functions of numbers for floats, compiled code and symbols of a trace. `where(condition, a, b)`
 # replaces a branch on the state; both sides are computed.

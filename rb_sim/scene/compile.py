@@ -21,11 +21,11 @@ from rb_sim.base.errors import SceneError
 from rb_sim.catalogue.constraints.rows import COUNT
 from rb_sim.catalogue.spec import Placed
 from rb_sim.mechanics import methods
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.laws import traceable
 from rb_sim.mechanics.samples import SampleLayout
 from rb_sim.mechanics.systems.free import with_spins
 from rb_sim.mechanics.systems.multibody import multibody
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.initial import check_maximal, check_reduced, undetermined
 from rb_sim.scene.place import (
     InitialPlace,

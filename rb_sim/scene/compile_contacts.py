@@ -28,6 +28,7 @@ from rb_sim.catalogue.geometry.corners_and_rims import (
     RimOnPlane,
 )
 from rb_sim.catalogue.spec import Placed
+from rb_sim.mechanics.compiled import BoxPair, Compiled
 from rb_sim.mechanics.contact import constraint_tables as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.constraint_tables import write_contact
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -57,7 +58,6 @@ from rb_sim.mechanics.systems.many_bodies import ANGLE, angles
 from rb_sim.mechanics.systems.multibody import body_table, write_rows
 from rb_sim.numerics.kernels import python_of
 from rb_sim.numerics.vectors import norm
-from rb_sim.scene.compiled import BoxPair, Compiled
 from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial, undetermined
 from rb_sim.scene.pairs_of_bodies import Between, box_sizes
 from rb_sim.scene.place import (

@@ -39,7 +39,7 @@ class PairRows(NamedTuple):
     rows: tuple[Any, ...]
     law: ContactLaw
     boxes: list[float] | None
-    """centres and half edge lengths of two boxes, see scene.compiled.BoxPair; else None."""
+    """centres and half edge lengths of two boxes, see mechanics.compiled.BoxPair; else None."""
 
 
 class Between:

@@ -27,6 +27,7 @@ from rb_sim.accuracy.choice import Choice, Setting
 from rb_sim.base.errors import RbSimError
 from rb_sim.catalogue.spec import STRONGEST, Placed
 from rb_sim.contact.choose_motion import motion_of
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import (
     Array,
@@ -42,7 +43,6 @@ from rb_sim.mechanics.samples import (
 from rb_sim.motion.motion import NO_LIMITS, Limits, Motion, Watch, Watcher, is_finite
 from rb_sim.numerics.kernels import on_compilation
 from rb_sim.scene.compile import compile_method, compile_scene
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.place import at_its_size
 from rb_sim.scene.schema import Scene

@@ -24,15 +24,15 @@ from typing import Any
 import numpy as np
 
 from rb_sim.base.errors import RbSimError, SceneError
-from rb_sim.graph.derivative import tangent
-from rb_sim.graph.symbols import graph_of
+from rb_sim.compiler.graph.derivative import tangent
+from rb_sim.compiler.graph.symbols import graph_of
+from rb_sim.mechanics.compiled import Compiled, family_of
 from rb_sim.mechanics.inputs import Family, Inputs, Place
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.samples import Array, SampleBlock, block_of, row_width
 from rb_sim.motion.traced import TracedMotion
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import Compiled, family_of
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.simulation.state_override import Placement

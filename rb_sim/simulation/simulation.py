@@ -19,14 +19,15 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check_list import CheckedSamples
+from rb_sim.accuracy.checks.second_run import SecondRun
+from rb_sim.accuracy.checks.singular_configuration import rows_between, singular_end
+from rb_sim.accuracy.checks.step_doubling import Missed, StepDoubling
+from rb_sim.accuracy.checks.step_search import forecast_for
 from rb_sim.base.errors import RbSimError, SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING
-from rb_sim.checks.check_list import CheckedSamples
-from rb_sim.checks.second_run import SecondRun
-from rb_sim.checks.singular_configuration import rows_between, singular_end
-from rb_sim.checks.step_doubling import Missed, StepDoubling
-from rb_sim.checks.step_search import forecast_for
 from rb_sim.io.sink import Sink
+from rb_sim.mechanics.compiled import family_of
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array, Input, SampleBlock, SampleLayout
 from rb_sim.motion.motion import (
@@ -42,7 +43,6 @@ from rb_sim.motion.motion import (
 )
 from rb_sim.numerics.kernels import on_compilation, own_time
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import family_of
 from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion, compiling
 from rb_sim.simulation.state_override import placement
 from rb_sim.simulation.trajectory import Trajectory
@@ -393,7 +393,7 @@ class Simulation(SceneInMotion):
         """The error with a suggested step, if it is a StepTooLargeError."""
         if not isinstance(error, StepTooLargeError) or self._commands.any or self._is_trial:
             return error
-        from rb_sim.checks.step_search import step_that_runs
+        from rb_sim.accuracy.checks.step_search import step_that_runs
 
         advice = step_that_runs(self, self.time, end, watcher.may_continue)
         return StepTooLargeError(f"{error}; {advice}")

@@ -18,10 +18,10 @@ import numpy as np
 
 from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.catalogue.spec import STRONGEST, BodyState
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.vectors import add, cross, rotate
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.place import InitialPlace, vector
 
 if TYPE_CHECKING:

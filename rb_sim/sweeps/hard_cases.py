@@ -26,14 +26,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, Field, Strict, model_validator
 
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.accuracy.runs import pose_gaps
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import one_of
 from rb_sim.base.palette import BAD, FAINT, GOOD, NARROW, TEXT
 from rb_sim.base.plain_data import write_json
 from rb_sim.catalogue.spec import Spec, refuse, refuse_at
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
 from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import METHODS

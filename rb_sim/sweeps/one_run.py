@@ -28,11 +28,11 @@ from rb_sim.base.errors import RbSimError, SceneError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.io.bag.reader import replaced
+from rb_sim.mechanics.compiled import family_of
 from rb_sim.mechanics.inputs import Family
 from rb_sim.mechanics.samples import concatenate
 from rb_sim.scene import yaml_reader
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping, scene_from_plain
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.simulation import Simulation

@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.checks.check_list import CheckedSamples
 from rb_sim.base.errors import (
     AccuracyWarning,
     Finding,
@@ -36,7 +37,6 @@ from rb_sim.base.errors import (
     RbSimError,
     SimulationError,
 )
-from rb_sim.checks.check_list import CheckedSamples
 from rb_sim.simulation.simulation import Simulation
 from rb_sim.sweeps import storage
 from rb_sim.sweeps.batch import Batch, BatchRunner, Done, described, do_batch

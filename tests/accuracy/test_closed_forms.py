@@ -31,9 +31,9 @@ from rb_sim.accuracy.closed_forms.rotors import (
 )
 from rb_sim.accuracy.ladder import reference
 from rb_sim.accuracy.runs import Runner, sample_times
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.numerics.rotations import angle_between, product, rotate
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.load import load_scene, scene_from_mapping
 from tests.contact.scenes import ball, box, scene, touch
 from tests.contact_runs import contact_run

@@ -20,8 +20,8 @@ import pytest
 
 from rb_sim import Simulation, load_scene
 from rb_sim.accuracy import auto, checked
+from rb_sim.accuracy.checks.step_search import advice_for
 from rb_sim.base.errors import RbSimError, SimulationError
-from rb_sim.checks.step_search import advice_for
 from rb_sim.cli.verbs.linearize import linearize
 from rb_sim.cli.verbs.run import FAILED, RunOptions, run
 from rb_sim.compiler import shipped

@@ -26,8 +26,8 @@ from rb_sim.cli.verbs.replay import PlayOptions, play, replay
 from tests.bags.analysis import foreign
 from tests.bags.analysis.test_foreign import TF, P, Q, T, transforms, writing
 from tests.bags.analysis.test_foreign import pose as stamped
+from tests.bags.fit.test_fit_foreign import poses, pushes, write
 from tests.io.test_rerun import column, needs_rerun, run
-from tests.sweeps.test_fit_foreign import poses, pushes, write
 
 CART = r"\/cart\/pose"
 """The topic as one part of an entity's path."""

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rb_sim.checks.balance import Ledger
+from rb_sim.accuracy.checks.balance import Ledger
 from rb_sim.mechanics.samples import ContactEvent, SampleLayout, empty_block
 from rb_sim.scene.load import load_scene
 from tests.cli.process import invoke

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph import symbols as functions
+from rb_sim.compiler.graph import symbols as functions
 from rb_sim.numerics.kernels import branching, dispatch
 
 WEIGHTS = np.array([[0.5, -1.25], [3.0, 0.125]])

@@ -16,13 +16,13 @@ import pytest
 
 from rb_sim import Simulation
 from rb_sim.catalogue.constraints.rows import DistanceRow, fill
-from rb_sim.graph.machine import evaluate
-from rb_sim.graph.symbols import Graph
+from rb_sim.compiler.graph.machine import evaluate
+from rb_sim.compiler.graph.symbols import Graph
 from rb_sim.mechanics import initial_projection
 from rb_sim.mechanics.initial_projection import kept_law, of_the_package
 from rb_sim.numerics.vectors import sin
 from rb_sim.scene.load import scene_from_mapping
-from tests.checks.test_singular_configuration import four_bar
+from tests.accuracy.checks.test_singular_configuration import four_bar
 
 
 @pytest.fixture(autouse=True)

@@ -20,10 +20,10 @@ pytest.importorskip("rerun")
 
 from rb_sim import Simulation  # noqa: E402
 from rb_sim.base.errors import SimulationError  # noqa: E402
-from rb_sim.io.extent import half_box  # noqa: E402
 from rb_sim.io.rerun.arrow_scales import Resolved, clear_of, typical  # noqa: E402
 from rb_sim.io.rerun.rerun_sink import RerunSink  # noqa: E402
 from rb_sim.io.rerun.view import PIECES, Trail  # noqa: E402
+from rb_sim.scene.extent import half_box  # noqa: E402
 from tests.io.conftest import LAYOUT  # noqa: E402
 
 
@@ -66,7 +66,7 @@ def test_the_box_of_a_body_without_a_shape_has_its_inertia():
 
     from scipy.spatial.transform import Rotation
 
-    from rb_sim.io.extent import inertia_box, reach_of
+    from rb_sim.scene.extent import inertia_box, reach_of
 
     edges, m = np.array([0.2, 0.4, 1.0]), 3.0
     turn = Rotation.from_rotvec([0.3, -0.7, 0.2]).as_matrix()

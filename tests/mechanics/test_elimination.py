@@ -18,8 +18,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation
-from rb_sim.graph.machine import compile_law, evaluate
-from rb_sim.graph.symbols import Graph
+from rb_sim.compiler.graph.machine import compile_law, evaluate
+from rb_sim.compiler.graph.symbols import Graph
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.elimination import (
     SURE,

@@ -20,10 +20,10 @@ from numpy.testing import assert_allclose
 from benchmarks.many_body_scenes import chain, lattice, on_springs
 from rb_sim import Simulation, load_scene
 from rb_sim.contact.choose_motion import motion_of
+from rb_sim.mechanics.compiled import family_of
 from rb_sim.mechanics.laws import ReducedLaws
 from rb_sim.motion.motion import Motion
 from rb_sim.scene.compile import compile_method, compile_scene
-from rb_sim.scene.compiled import family_of
 from rb_sim.scene.load import scene_from_mapping
 from tests import runs
 from tests.interpreted import trajectory

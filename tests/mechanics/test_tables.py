@@ -17,7 +17,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.many_body_scenes import star
-from rb_sim.graph.symbols import operations
+from rb_sim.compiler.graph.symbols import operations
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.table_laws import BODIES
 from rb_sim.scene.compile import compile_scene

@@ -26,9 +26,9 @@ from rb_sim import Simulation, load_scene
 from rb_sim.accuracy.closed_forms import closed_form
 from rb_sim.base.errors import SceneError, SimulationError
 from rb_sim.catalogue.spec import UnitVector3
-from rb_sim.graph.machine import compile_law
-from rb_sim.graph.symbols import Graph, where
-from rb_sim.graph.taylor_code import SeriesLaws
+from rb_sim.compiler.graph.machine import compile_law
+from rb_sim.compiler.graph.symbols import Graph, where
+from rb_sim.compiler.graph.taylor_code import SeriesLaws
 from rb_sim.integrate.methods.taylor import AdaptiveTaylor
 from rb_sim.mechanics.laws import (
     AS_PENDULUM,

@@ -120,9 +120,9 @@ ELSEWHERE = {
     "numerics/rank.py", "accuracy/certify.py",  # a straight line through logarithms
     "contact/events/instant.py",  # the error of a solve that is not finite
     "catalogue/geometry/hull.py",  # axes of a cloud of points, whose rank is not asked
-    "sweeps/fit.py", "equilibrium/statics_picture.py",  # likewise: of residuals, of a drawing
+    "bags/fit/fit.py", "equilibrium/statics_picture.py",  # likewise: of residuals, of a drawing
     "contact/events/shares.py",  # which way of sharing a load changes the motion most
-    "sweeps/unknowns.py",  # what a recording tells, above its noise or that of differences
+    "bags/fit/unknowns.py",  # what a recording tells, above its noise or that of differences
     "numerics/cone_program.py",  # a step of an iteration, which the next one mends
     "equilibrium/state_space.py",  # null spaces of powers of A, which split off multiple zeros
     "scene/initial.py",  # how far from dependent lines are that are not

@@ -22,7 +22,7 @@ from rb_sim.ros.pacing import Pacer, Priority
 from rb_sim.ros.topics.topic_sink import BATCH, CheckSink
 from rb_sim.scene.load import scene_from_mapping
 from rb_sim.simulation.simulation import Simulation
-from tests.checks.test_check_list import TOP
+from tests.accuracy.checks.test_check_list import TOP
 
 
 class FakeNode:

@@ -31,10 +31,10 @@ from rb_sim.accuracy.closed_forms.rotors import (
     symmetric_rotor,
 )
 from rb_sim.contact.choose_motion import motion_of
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import build
 from rb_sim.mechanics.samples import Array, SampleBlock, block_of
 from rb_sim.scene.compile import compile_scene
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.schema import DEFAULT_TOLERANCE, Scene
 
 FORMS = (

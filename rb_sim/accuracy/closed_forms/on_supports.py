@@ -47,10 +47,10 @@ from rb_sim.catalogue.geometry.pairs import (
     Turntable,
 )
 from rb_sim.catalogue.geometry.smooth_surfaces import SphereSurface
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 from rb_sim.mechanics.systems.rolling_body import RollingBody
 from rb_sim.numerics.rotations import product, rotate, unit
-from rb_sim.scene.compiled import Compiled
 
 # A single body under gravity alone whose only constraint is one contact: what is read of it.
 

@@ -21,12 +21,12 @@ import numpy as np
 
 from rb_sim.base.rounding import SUM_ROUNDING
 from rb_sim.catalogue.effects.gravity import GravityRow
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.fixed_point import FixedAxisBody, FixedPointBody
 from rb_sim.mechanics.systems.free import FreeRotor
 from rb_sim.mechanics.systems.translation import TranslatingBody
 from rb_sim.numerics.rotations import conjugate, product, rotate, unit
-from rb_sim.scene.compiled import Compiled
 
 # Arithmetic of the closed forms: arrays of long doubles (64-bit mantissa on most machines).
 #

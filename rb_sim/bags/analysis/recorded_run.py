@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rb_sim.accuracy.checks.balance import Events, Ledger, is_known, wrenches_on_bodies
 from rb_sim.bags.analysis.analysis_page import Aligned, Analysis
 from rb_sim.bags.analysis.anybody import Anybody
 from rb_sim.bags.analysis.bodies import BodyFigures, Struck, bodies_of
@@ -34,7 +35,6 @@ from rb_sim.bags.tracks import Impacts, length_of
 from rb_sim.bags.transforms import POSE, SCALAR, TWIST, WRENCH
 from rb_sim.base.errors import SinkError
 from rb_sim.base.names import MOST_NAMED, first_few
-from rb_sim.checks.balance import Events, Ledger, is_known, wrenches_on_bodies
 from rb_sim.io.bag.reader import BagReader, reader_of, scene_as_run
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import SampleBlock, SampleLayout, centers_of_mass, origins

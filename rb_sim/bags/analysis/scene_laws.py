@@ -26,7 +26,7 @@ from rb_sim.catalogue.contact import Touching
 from rb_sim.catalogue.effects.torsion import TorsionSpringRow, twist
 from rb_sim.catalogue.geometry.pairs import carrier, touching
 from rb_sim.catalogue.spec import BodyState, potential, wrench
-from rb_sim.graph.symbols import ArrayLaw, External, Graph, call
+from rb_sim.compiler.graph.symbols import ArrayLaw, External, Graph, call
 from rb_sim.mechanics.inputs import with_kept
 from rb_sim.mechanics.samples import Array
 from rb_sim.mechanics.systems.many_bodies import WIDTH, arm_of, fill_all, inertial_of, state_of

@@ -22,11 +22,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rb_sim.accuracy.checks.balance import Account, Balance
 from rb_sim.bags.analysis.derivatives import WINDOW, Body, Jump, Motion, Scatter
 from rb_sim.bags.analysis.scene_laws import ConstraintFigures, Found, SceneLaws
 from rb_sim.bags.info import GAP, GrowingTime, forward, held, joined, linear
 from rb_sim.bags.transforms import words
-from rb_sim.checks.balance import Account, Balance
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.rotations import conjugate, cross, from_rotation_vector, product, rotate, unit
 from rb_sim.scene.schema import Scene

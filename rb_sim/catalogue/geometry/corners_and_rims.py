@@ -31,7 +31,7 @@ from rb_sim.catalogue.geometry.pairs import (
 from rb_sim.catalogue.geometry.smooth_surfaces import FLAT
 from rb_sim.catalogue.geometry.solids import Box, Cylinder, about_axis, direction_rate, nearest
 from rb_sim.catalogue.spec import Vec3
-from rb_sim.graph.symbols import External, call, maximum, where
+from rb_sim.compiler.graph.symbols import External, call, maximum, where
 from rb_sim.numerics.kernels import dispatch, routine
 from rb_sim.numerics.vectors import (
     ZERO,

@@ -28,7 +28,7 @@ from rb_sim.catalogue.geometry.smooth_surfaces import (
     support_rate,
 )
 from rb_sim.catalogue.spec import Vec3
-from rb_sim.graph.symbols import External, call, graph_of
+from rb_sim.compiler.graph.symbols import External, call, graph_of
 from rb_sim.numerics.kernels import routine
 from rb_sim.numerics.vectors import (
     ZERO,

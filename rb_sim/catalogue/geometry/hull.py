@@ -19,7 +19,7 @@ import numpy as np
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry.solids import SPARE, direction, nearest, off_segment
 from rb_sim.catalogue.spec import Vec3
-from rb_sim.graph.symbols import External, call
+from rb_sim.compiler.graph.symbols import External, call
 from rb_sim.numerics.kernels import routine, table_at
 from rb_sim.numerics.vectors import ZERO, dot, perpendicular, sub
 

@@ -145,11 +145,11 @@ def _of_scene(options: CompareOptions, a: Tracks) -> Tracks:
 
 def _beside_others(options: CompareOptions, scene: Scene, a: Tracks) -> Tracks:
     """The scene simulated from the first pose of its bodies on, sampled at A's instants."""
+    from rb_sim.accuracy.checks.check_list import CheckedSamples
     from rb_sim.bags.compare import shown_offset
+    from rb_sim.bags.fit.recording import followed, pairs_of, recorded_by_others
     from rb_sim.bags.tracks import tracks_of_blocks
-    from rb_sim.checks.check_list import CheckedSamples
     from rb_sim.simulation.simulation import Simulation
-    from rb_sim.sweeps.fit_recording import followed, pairs_of, recorded_by_others
 
     pairs, left_out = pairs_of(a, list(scene.bodies), options.match or ())
     recording = recorded_by_others(a, scene, pairs, options.wrench or ())

@@ -15,17 +15,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rb_sim.bags.fit.fit import Fitted, Recording
+from rb_sim.bags.fit.fit import fit as solve
 from rb_sim.base.errors import RbSimError
 from rb_sim.base.plain_data import json_text, write_json
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.cli.options import FitOptions
 from rb_sim.cli.plain import columns, note, plain_console, warn
-from rb_sim.sweeps.fit import Fitted, Recording
-from rb_sim.sweeps.fit import fit as solve
 
 if TYPE_CHECKING:
+    from rb_sim.bags.fit.fit import Recording
     from rb_sim.scene.schema import Scene
-    from rb_sim.sweeps.fit import Recording
 
 
 # Picture of the residuals of a fit over time, for each body.
@@ -74,13 +74,13 @@ def fit(options: FitOptions) -> int:
 
 def set_up(options: FitOptions) -> tuple[Scene, dict[str, Any], Recording]:
     """(scene to fit, its YAML data, recorded motion). Raises RbSimError."""
+    from rb_sim.bags.fit.recording import pairs_of, recorded_by_others
     from rb_sim.bags.resim import inputs_of
     from rb_sim.bags.tracks import tracks_of_bag
     from rb_sim.io.bag.reader import reader_of, scene_as_run
     from rb_sim.scene import yaml_reader
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene
-    from rb_sim.sweeps.fit_recording import pairs_of, recorded_by_others
 
     reader = reader_of(options.bag, unfinished=True)
     if options.scene is not None:

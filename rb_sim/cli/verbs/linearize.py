@@ -21,9 +21,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from rb_sim.accuracy.checks.step_search import forecast_for
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
-from rb_sim.checks.step_search import forecast_for
 from rb_sim.cli.plain import plain_console
 from rb_sim.cli.verbs.scenes import with_changes
 from rb_sim.equilibrium.state_space import LinearModel

@@ -33,8 +33,8 @@ from rb_sim.cli.options import RunOptions
 from rb_sim.simulation.signals import BrokenOffError, Interruption
 
 if TYPE_CHECKING:
-    from rb_sim.checks.check import Effort
-    from rb_sim.checks.check_list import CheckList
+    from rb_sim.accuracy.checks.check import Effort
+    from rb_sim.accuracy.checks.check_list import CheckList
     from rb_sim.cli.summary import Clocks
     from rb_sim.mechanics.samples import SampleBlock
     from rb_sim.scene.schema import Scene
@@ -173,8 +173,8 @@ class _Run:
         """whether the failure message already suggests a step, or states that none passes."""
 
     def run(self) -> int:
-        from rb_sim.checks.check_list import CheckList
-        from rb_sim.checks.second_run import SecondRun
+        from rb_sim.accuracy.checks.check_list import CheckList
+        from rb_sim.accuracy.checks.second_run import SecondRun
         from rb_sim.simulation.outputs import choose, refuse_logs
         from rb_sim.simulation.simulation import compiled
 
@@ -222,8 +222,8 @@ class _Run:
 
     def _integrate(self, simulation: Simulation, check_list: CheckList) -> Clocks:
         """Step, sample and log until the end, a signal or a failure; returns the times."""
-        from rb_sim.checks.check import effort_of
-        from rb_sim.checks.step_search import forecast_for
+        from rb_sim.accuracy.checks.check import effort_of
+        from rb_sim.accuracy.checks.step_search import forecast_for
         from rb_sim.cli.summary import Clocks
 
         settings = simulation.scene.simulation
@@ -264,7 +264,7 @@ class _Run:
 
     def _finish(self, simulation: Simulation, check_list: CheckList, clocks: Clocks) -> int:
         """Close the logs and print the summary; returns the exit code."""
-        from rb_sim.checks.step_search import quiet_step
+        from rb_sim.accuracy.checks.step_search import quiet_step
         from rb_sim.cli.plain import facts, plain_console
         from rb_sim.cli.summary import lines, summarize
 

@@ -26,6 +26,7 @@ import numpy as np
 from rb_sim.base.errors import SimulationError, StepTooLargeError
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.contact import ContactLaw
+from rb_sim.compiler.graph.machine import interpreted
 from rb_sim.contact.assembly import velocities
 from rb_sim.contact.event_workspace import (
     AMBIGUOUS,
@@ -101,7 +102,6 @@ from rb_sim.contact.impacts import (
 )
 from rb_sim.contact.modes import lay_out_held
 from rb_sim.contact.tunnelling import refuse_sunk, run_looking
-from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import (
     FLOOR,
     IS_VELOCITY,
@@ -111,6 +111,7 @@ from rb_sim.integrate.layout import (
     UNFINISHED,
     WORK_ROWS,
 )
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.contact.accelerations import SLOWER
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
@@ -141,7 +142,6 @@ from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS, WIDTH
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, scaled_rows
-from rb_sim.scene.compiled import Compiled
 
 # Contacts that open together: if the normal forces of several points vanish at the same instant, as
 # of a box whose floor moves away, opening one alone would let them open and close in turn, by

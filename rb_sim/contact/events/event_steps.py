@@ -51,6 +51,7 @@ from rb_sim.integrate.layout import (
     held,
 )
 from rb_sim.integrate.methods.radau5 import radau5_of_slips
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import (
     contact_accelerations,
@@ -91,7 +92,6 @@ from rb_sim.mechanics.systems.multibody import put_rates
 from rb_sim.motion.traced import settings_of
 from rb_sim.numerics.kernels import by_address, entry, part, pointer
 from rb_sim.numerics.vectors import norm
-from rb_sim.scene.compiled import Compiled
 
 # The Jacobian df/dy of bodies in contact, by finite differences, for implicit steps of slow slips.
 #

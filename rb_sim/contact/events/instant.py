@@ -22,6 +22,7 @@ import numpy as np
 
 from rb_sim.base.errors import SimulationError
 from rb_sim.catalogue.contact import ContactLaw
+from rb_sim.compiler.graph.machine import interpreted
 from rb_sim.compiler.program import address_of
 from rb_sim.contact.assembly import (
     CANDIDATE,
@@ -61,7 +62,6 @@ from rb_sim.contact.impacts import (
     time_of_flights,
 )
 from rb_sim.contact.modes import WHOLE, choose, may_share
-from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import held_at
 from rb_sim.mechanics.contact.accelerations import contact_accelerations, power_of_contacts
 from rb_sim.mechanics.contact.contact_bodies import (

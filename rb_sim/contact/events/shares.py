@@ -32,6 +32,7 @@ from rb_sim.contact.events.instant import (
 from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, lay_out_held
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.contact.accelerations import OF_JOINTS
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
@@ -46,7 +47,6 @@ from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.complementarity import EQUALITY, UNILATERAL
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
-from rb_sim.scene.compiled import Compiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -29,9 +29,10 @@ from rb_sim.catalogue.geometry.pairs import (
     touching,
 )
 from rb_sim.catalogue.geometry.solids import MOST_POINTS, box_points
+from rb_sim.compiler.graph.machine import interpreted
 from rb_sim.contact.stepping.step_workspace import Workspace, memory_of, workspace_for
-from rb_sim.graph.machine import interpreted
 from rb_sim.integrate.layout import RATE, VELOCITY
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.contact.contact_bodies import (
     AMONG_ROWS,
     DEPENDENT,
@@ -46,7 +47,6 @@ from rb_sim.mechanics.laws import reference
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.numerics.vectors import add, norm, rotate
-from rb_sim.scene.compiled import Compiled
 from rb_sim.scene.initial import MISFIT, refuse_initial
 from rb_sim.scene.pairs_of_bodies import Between, Pair, PairRows
 

@@ -24,6 +24,7 @@ import numpy as np
 from rb_sim.catalogue.constraints.rows import RATE, ROW_WIDTH
 from rb_sim.catalogue.effects.gravity import GravityRow
 from rb_sim.catalogue.geometry.solids import Box
+from rb_sim.compiler.graph.machine import evaluate_rows
 from rb_sim.contact.grid_motion import OPEN_SHARES, GridMotion, LeftOpen
 from rb_sim.contact.stepping import step_kernels
 from rb_sim.contact.stepping.scene_tables import (
@@ -57,8 +58,8 @@ from rb_sim.contact.stepping.step_workspace import (
     workspace_for,
 )
 from rb_sim.contact.tunnelling import run_looking
-from rb_sim.graph.machine import evaluate_rows
 from rb_sim.integrate.layout import NOT_FINITE, ULPS
+from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.contact.contact_bodies import AMONG_POSITIONS, AMONG_ROWS, DEPENDENT
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.inputs import kept_inputs, with_kept
@@ -77,7 +78,6 @@ from rb_sim.mechanics.systems.many_bodies import (
 from rb_sim.mechanics.systems.multibody import residual_of, write_rows
 from rb_sim.motion.motion import Motion
 from rb_sim.numerics.vectors import add, cross, rotate, sub
-from rb_sim.scene.compiled import Compiled
 
 
 class Joints:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.symbols import maximum, sqrt, where
+from rb_sim.compiler.graph.symbols import maximum, sqrt, where
 from rb_sim.integrate.layout import AT, SLOPES, size_of
 from rb_sim.numerics.kernels import call_law, part, step
 

@@ -17,13 +17,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from rb_sim.base.names import ros_name
-from rb_sim.io.extent import drawn_solid
 from rb_sim.io.messages import cdr
 from rb_sim.io.messages.packing import stamps_of
 from rb_sim.io.messages.topic_names import JOINT_STATES, WORLD, body_frame
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import conjugate, product, roll_pitch_yaw, rotate
 from rb_sim.numerics.vectors import quaternion_product
+from rb_sim.scene.extent import drawn_solid
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

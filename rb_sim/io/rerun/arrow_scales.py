@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rb_sim.base.rounding import NEGLIGIBLE, WRITTEN_ROUNDING, related
-from rb_sim.io.extent import reach_of
 from rb_sim.io.sink import Thinned
 from rb_sim.numerics.rotations import conjugate, rotate
+from rb_sim.scene.extent import reach_of
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout

@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim.base.palette import BLACK, COMMAND, CYCLE, REACTION, VELOCITY, rgb
 from rb_sim.io.drawn_supports import Sight, Supports, solid_of
-from rb_sim.io.extent import reach_of
 from rb_sim.io.rerun.arrow_scales import drawn_reactions
 from rb_sim.io.sink import samples_at
 from rb_sim.numerics.rotations import from_z, norms, rotate
+from rb_sim.scene.extent import reach_of
 
 if TYPE_CHECKING:
     from rb_sim.io.panels import Panel

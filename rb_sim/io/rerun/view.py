@@ -42,7 +42,6 @@ import rerun.blueprint as rrb
 
 from rb_sim.base.palette import SLIPPING, STICKING, rgb
 from rb_sim.io.drawn_supports import Sight
-from rb_sim.io.extent import half_box
 from rb_sim.io.panels import Panel, panels_of
 from rb_sim.io.rerun.arrow_scales import (
     Extent,
@@ -57,6 +56,7 @@ from rb_sim.io.rerun.viewer import MOTION
 from rb_sim.io.sink import Timeline, event_text
 from rb_sim.mechanics.samples import centers_of_mass, origins
 from rb_sim.numerics.rotations import rotate
+from rb_sim.scene.extent import half_box
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

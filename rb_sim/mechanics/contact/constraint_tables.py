@@ -17,7 +17,7 @@ from __future__ import annotations
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.catalogue.friction import BOUNDED, traction
 from rb_sim.catalogue.geometry.corners_and_rims import Lean
-from rb_sim.graph.symbols import leaves
+from rb_sim.compiler.graph.symbols import leaves
 from rb_sim.integrate.layout import INTEGER, REAL, Layout, PackedSystem
 from rb_sim.mechanics.contact.contact_bodies import (
     AROUND,

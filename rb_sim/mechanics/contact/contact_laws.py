@@ -26,8 +26,8 @@ from rb_sim.catalogue.geometry.corners_and_rims import Lean
 from rb_sim.catalogue.geometry.hull import Hull, PackedHull, packed
 from rb_sim.catalogue.geometry.pairs import carrier, touching
 from rb_sim.catalogue.spec import WORLD, BodyState
-from rb_sim.graph.machine import Law, compile_law
-from rb_sim.graph.symbols import Graph, explored, leaves
+from rb_sim.compiler.graph.machine import Law, compile_law
+from rb_sim.compiler.graph.symbols import Graph, explored, leaves
 from rb_sim.integrate.layout import held
 from rb_sim.mechanics.contact.accelerations import accelerations_in, unconstrained_here
 from rb_sim.mechanics.contact.constraint_tables import (

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rb_sim.graph.symbols import External, call, divide, rarely, where
+from rb_sim.compiler.graph.symbols import External, call, divide, rarely, where
 from rb_sim.mechanics.systems.many_bodies import (
     BODY,
     MULTIPLIERS,

@@ -29,8 +29,8 @@ from rb_sim.catalogue.curves import (
     curve_point,
 )
 from rb_sim.catalogue.spec import BodyState, Inertial, Quaternion, Vec3
-from rb_sim.graph.machine import Law, PlainLaw, compile_law
-from rb_sim.graph.symbols import Graph, call, minimum
+from rb_sim.compiler.graph.machine import Law, PlainLaw, compile_law
+from rb_sim.compiler.graph.symbols import Graph, call, minimum
 from rb_sim.mechanics.system import inside
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.mechanics.systems.one_body import Dynamics, Held, body_system, total_wrench

@@ -25,8 +25,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy
 from rclpy.type_support import check_for_type_support
 
-from rb_sim.checks.check import Effort, effort_of
-from rb_sim.checks.check_list import CheckList
+from rb_sim.accuracy.checks.check import Effort, effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.io.messages.cdr import TF_MESSAGE
 from rb_sim.io.messages.topic_names import CLOCK, CONTACT_EVENTS, TF
 from rb_sim.io.messages.topics import SampleMessages, TopicTable

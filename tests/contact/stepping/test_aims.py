@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from rb_sim import Simulation, load_scene
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.step_checks import found_in
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.step_checks import found_in
 
 SPEED, RADIUS, POST = 20.0, 0.02, 0.05
 BESIDE = (0.0, 0.03, 0.05, 0.065, 0.0699, 0.0701, 0.1, 0.2)

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rb_sim.checks.check import effort_of
-from rb_sim.checks.check_list import CheckList
+from rb_sim.accuracy.checks.check import effort_of
+from rb_sim.accuracy.checks.check_list import CheckList
 from rb_sim.simulation.simulation import Simulation
 from tests.contact.scenes import body, scene, touch
 

@@ -23,8 +23,8 @@ from rb_sim.catalogue.contact import ContactRow
 from rb_sim.catalogue.geometry import corners_and_rims, curved, hull, pairs, smooth_surfaces, solids
 from rb_sim.catalogue.geometry.corners_and_rims import RimOnCylinder
 from rb_sim.catalogue.spec import WORLD, BodyState
-from rb_sim.graph.machine import interpreted
-from rb_sim.graph.symbols import leaves
+from rb_sim.compiler.graph.machine import interpreted
+from rb_sim.compiler.graph.symbols import leaves
 from rb_sim.mechanics.contact.constraint_tables import GEOMETRY, OUTPUTS
 from rb_sim.mechanics.contact.contact_kinematics import Kept, forces, geometry
 from rb_sim.mechanics.contact.contact_laws import laws_of_kind, with_packed_hulls
