@@ -9,12 +9,12 @@
 
 """CPU time per step of this tree over that of another revision, on scenes without contact.
 
-    python -m benchmarks.against_revision REV [SCENE ...] [--rounds N] [--json FILE] [--page]
+    python -m benchmarks.against_revision REV [SCENE ...] [--rounds N] [--json FILE]
 
 REV is checked out into a temporary worktree and has a cache of its own.  A process of each of the
 two trees measures in turn, so that both share the machine's state; given are the medians and the
 median and quartiles of the rounds' ratios, new over old.  A SCENE is a name that both trees have,
-or a file that both can read.  --page writes the table to docs/steps.md.
+or a file that both can read.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ from typing import Any, NamedTuple
 from benchmarks import machine
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "steps.md"
 METHODS = ("rk4", "dopri853")
 STEP, COUNT = 1e-4, 10_000
 """[s], and steps of one measurement."""
@@ -155,34 +154,10 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("scenes", nargs="*", help="all without contact, if left out")
     parser.add_argument("--rounds", type=int, default=21)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--page", action="store_true", help="write docs/steps.md")
     options = parser.parse_args(given)
     if options.rounds < 2:
         parser.error(f"--rounds: got {options.rounds}; must be at least 2")
     return options
-
-
-def page(revision: str, about: str, table: dict[str, Compared]) -> str:
-    """docs/steps.md."""
-    lines = [
-        *("---", "search: {exclude: true}", "---", ""),
-        "# Steps compared with an earlier revision",
-        "",
-        f"Written by `python -m benchmarks.against_revision {revision} --page`, in one run.",
-        "",
-        f"{about}.",
-        "",
-        "CPU nanoseconds of a fixed step, the median of rounds in which both revisions take turns,",
-        "and the ratio of new to old, round by round: its median and quartiles.",
-        "",
-        "| scene and method | old | new | ratio | quartiles |",
-        "|---|---|---|---|---|",
-    ]
-    for name, row in table.items():
-        low, high = row.quartiles
-        ratios = f"{row.ratio:.2f} | {low:.2f} to {high:.2f}"
-        lines.append(f"| {name} | {row.old:.0f} | {row.new:.0f} | {ratios} |")
-    return "\n".join([*lines, ""])
 
 
 def main() -> None:
@@ -198,8 +173,6 @@ def main() -> None:
     for name, row in table.items():
         low, high = row.quartiles
         print(f"{name:36s} {row.old:8.0f} {row.new:8.0f} {row.ratio:7.3f}   {low:.3f} {high:.3f}")
-    if options.page:
-        PAGE.write_text(page(options.revision, machine.line(about), table), encoding="utf-8")
     if options.json:
         plain = {name: row._asdict() for name, row in table.items()}
         text = json.dumps(

@@ -26,7 +26,6 @@ from pydantic_core import PydanticUndefined
 from rb_sim.catalogue import constraints, effects
 from rb_sim.catalogue.spec import Spec
 from tools.law_examples import EXAMPLES, TORQUE_ONLY
-from tools.law_formulas import FORMULAS
 
 FOLDER = Path(__file__).parents[1] / "docs" / "laws"
 
@@ -42,14 +41,13 @@ SYMBOLS = """\
 | symbol | meaning |
 |---|---|
 | C, O | centre of mass, body origin |
-| p, V, a | position of a point, its velocity and acceleration (of C if no point is named) |
-| q, R, w | attitude, rotation from body to world axes, angular velocity |
-| r_CP | vector from C to P |
-| m, I, J | mass, inertia about C, moment of inertia about the axis |
-| F, K | force, torque about C |
-| lambda, U | multiplier of a constraint equation, potential energy |
-| index B, index A | of the body, of its parent or the world |
-| x' | dx/dt |
+| $\\mathbf p$, $\\mathbf V$, $\\mathbf a$ | position, velocity, acceleration (of C by default) |
+| $q$, $R$, $\\boldsymbol\\omega$ | attitude, rotation from body to world axes, angular velocity |
+| $\\mathbf r_{CP}$ | vector from C to P |
+| $m$, $\\mathbf I$, $J$ | mass, inertia about C, moment of inertia about the axis |
+| $\\mathbf F$, $\\mathbf K$ | force, torque about C |
+| $\\lambda$, $U$ | multiplier of a constraint equation, potential energy |
+| index $B$, index $A$ | of the body, of its parent or the world |
 
 A reaction acts BY the constraint ON the body; the opposite wrench acts on the parent.\
 """
@@ -87,9 +85,8 @@ def pages() -> dict[str, str]:
 def page(kind: str, spec: type[Any]) -> str:
     """What it does, the equation, keys with units and defaults, an example."""
     parts = [f"# {kind}", inspect.cleandoc(spec.__doc__ or "")]
-    parts += ["## Equation", f"$$\n{FORMULAS[kind].strip()}\n$$"]
-    parts += [f"```text\n{inspect.cleandoc(spec.EQUATION).strip()}\n```"]
-    parts += ["Symbols: [Constraints and effects](index.md).", *about(spec)]
+    parts += ["## Equation", inspect.cleandoc(spec.EQUATION).strip()]
+    parts += [*about(spec), "Other symbols: [Constraints and effects](index.md)."]
     parts += ["## Keys", "\n".join(keys(spec))]
     for name, field in spec.model_fields.items():
         for choice in choices(field.annotation):

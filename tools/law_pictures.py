@@ -10,10 +10,10 @@
 """Draws the picture of the page of each law, docs/laws/pictures/KIND.png.
 
 The example of the page, set moving: its body is thrown and spun as far as the law lets it, under
-gravity; where the law exerts a torque only, it drifts without weight. Left the body as a box at
-three instants, the joint (pivot, axis with bearings, rail, rod, spring, plane), the path of the
-centre of mass, and the law's force on the body along it, or its torque. Right that force (full) and
-its torque about the anchor (dashed) over time, world axes.
+gravity; where the law exerts a torque only, it drifts without weight. Left the body at three
+instants (a box, unless its shape is a sphere), the joint (pivot, axis with bearings, rail, rod,
+spring, plane), the path of the centre of mass, and the law's force on the body along it, or its
+torque. Right that force (full) and its torque about the anchor (dashed) over time, world axes.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def picture(kind: str) -> Image.Image:
     middle, size = _view(way, seen)
     acts = None if wrench is None else wrench.torque if kind in TORQUE_ONLY else wrench.force
     _draw_path(way, path, acts, size)
-    _draw_body(way, run, 0.12 * size)
+    _draw_body(way, run, _edges(scene.bodies["b"].shape, 0.12 * size))
     if wrench is not None:
         _draw_joint(way, spec, wrench.anchor[0], run.position["b"][0], middle, size)
     plot = figure.add_axes((0.50, 0.19, 0.38, 0.69))
@@ -136,14 +136,24 @@ def _draw_path(axes: Any, path: np.ndarray, force: np.ndarray | None, size: floa
             axes.quiver(*path[rows].T, *arrows.T, color=REACTION, linewidth=1.2)
 
 
-def _draw_body(axes: Any, run: Any, half: float) -> None:
-    """The edges of a box about the centre of mass at three instants, dark at the first."""
+def _edges(shape: Any, half: float) -> list[np.ndarray]:
+    """Lines of the body, body axes [m]: circles of a sphere, else a box of half length `half`."""
+    if shape is not None and shape.type == "sphere":
+        turn = np.linspace(0.0, 2.0 * np.pi, 37)
+        circle = shape.radius * np.array([np.cos(turn), np.sin(turn), 0.0 * turn])
+        return [np.roll(circle, k, axis=0).T for k in range(3)]
     corners = half * np.array([1.0, 0.6, 0.3]) * np.array(list(product((-1, 1), repeat=3)))
-    edges = [(i, j) for i, j in combinations(range(8), 2) if np.sum(corners[i] != corners[j]) == 1]
+    pairs = combinations(corners, 2)
+    return [np.array(pair) for pair in pairs if np.sum(pair[0] != pair[1]) == 1]
+
+
+def _draw_body(axes: Any, run: Any, edges: list[np.ndarray]) -> None:
+    """The lines of the body at three instants, dark at the first."""
     for k, color in ((-1, "#c8c8c8"), (len(run) // 3, "#a0a0a0"), (0, "#303030")):
-        at = run.position["b"][k] + Rotation.from_quat(run.orientation["b"][k]).apply(corners)
-        for i, j in edges:
-            axes.plot(*at[[i, j]].T, color=color, linewidth=0.9)
+        turned = Rotation.from_quat(run.orientation["b"][k])
+        for edge in edges:
+            at = run.position["b"][k] + turned.apply(edge)
+            axes.plot(*at.T, color=color, linewidth=0.9)
 
 
 def _draw_joint(

@@ -77,7 +77,7 @@ SCENES = (
     Message("violates it by ", "the initial pose or velocity does not satisfy the constraint",
             "the values that are named, or `simulation.project_initial: true`"),
     Message("at the start", "bodies overlap, a bilateral contact is open, or a string is too short",
-            "correct the positions, or `simulation.project_initial: true`"),
+            "the position that the message names, or `simulation.project_initial: true`"),
     Message("slips at ", "the contact point of a `rough` contact moves at the start",
             "a rolling velocity, for example `v = w r`, or coulomb friction"),
     Message("they contradict each other", "no state satisfies all constraints",

@@ -376,13 +376,17 @@ class Contact(Touching):
     compliance: Compliance | None = None
     """stiffness and damping of the support; default: rigid."""
 
-    EQUATION: ClassVar[str] = """
-    g >= 0,  N >= 0,  N g = 0        g: the gap; bilateral: g = 0, N of either sign
-    impact:  g'_after = -e g'_before
-    compliant:  N = max(0, k depth + c depth')
-    friction T along the support, s the slip:  as its law says, below
-    |torque against rolling| <= rolling_resistance N,  about the normal <= spinning_resistance N
-    on the body: the force N n + T and these torques, at the point of contact
+    EQUATION: ClassVar[str] = r"""
+    $$
+    g \ge 0 , \quad N \ge 0 , \quad N g = 0 , \qquad
+    \text{impact: } \dot g^{+} = -e\,\dot g^{-} , \qquad
+    \text{compliant: } N = \max\left(0,\; k\,\delta + c\,\dot\delta\right)
+    $$
+
+    $g$ is the gap, $\delta$ the penetration. A bilateral contact has $g = 0$ and $N$ of either
+    sign. The normal force, the friction force (laws below) and the torques of
+    `rolling_resistance` and `spinning_resistance`, at most the arm times $N$, act on the body at
+    the contact point.
     """
 
     @model_validator(mode="after")

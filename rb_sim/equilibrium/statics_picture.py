@@ -168,8 +168,11 @@ def save_picture(scene: Scene, result: StaticsResult, path: Path) -> None:
 
 
 def _greek(text: str) -> str:
-    """The text with the letter μ, and no line break between it and its factor."""
-    return re.sub(r"(\d) μ", "\\1\u00a0μ", re.sub(r"\bmu\b", "μ", text))
+    """The text with Greek letters and degrees, and no line break within a formula."""
+    for name, letter in (("mu", "μ"), ("alpha", "α"), ("phi", "φ"), ("theta", "θ")):
+        text = re.sub(rf"\b{name}\b", letter, text)
+    text = re.sub(r"(\d) deg\b", r"\1°", text)
+    return re.sub(r"(?<=[\dμ]) (?=μ)|(?<=\btan) | (?=[-+=<>] )|(?<= [-+=<>]) ", "\u00a0", text)
 
 
 class _Canvas:

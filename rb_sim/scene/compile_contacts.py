@@ -42,6 +42,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     LEAN_BEFORE,
     LEAN_SIGN,
     MOST_RANK,
+    NORMAL,
     NORMAL_SIGN,
     POINT,
     RIM,
@@ -58,7 +59,7 @@ from rb_sim.mechanics.systems.many_bodies import ANGLE, angles
 from rb_sim.mechanics.systems.multibody import body_table, write_rows
 from rb_sim.numerics.kernels import python_of
 from rb_sim.numerics.vectors import norm
-from rb_sim.scene.initial import MISFIT, check_maximal, refuse_initial, undetermined
+from rb_sim.scene.initial import MISFIT, check_maximal, in_scene, refuse_initial, undetermined
 from rb_sim.scene.pairs_of_bodies import Between, box_sizes
 from rb_sim.scene.place import (
     InitialPlace,
@@ -162,14 +163,18 @@ def check_contacts(
                 file=scene.file,
             )
         return
-    for c, name in enumerate(names):
+    for c in np.argsort(system.contact_table[:, GAP], kind="stable").tolist():  # deepest first
+        name = names[c]
         gap = system.contact_table[c, GAP] / system.length
         if not laws[c].compliant and (gap < -MISFIT or (laws[c].bilateral and gap > MISFIT)):
             amount = abs(float(system.contact_table[c, GAP]))
-            string = scene.constraints[name.split("/")[0]].type == "string"
+            spec: Any = scene.constraints[name.split("/")[0]]
+            string = spec.type == "string"
             what = "stretch" if string else "overlap" if gap < 0.0 else "gap"
+            move = system.contact_table[c, GAP] * system.contact_table[c, NORMAL : NORMAL + 3]
+            place = in_scene("position", np.array(scene.bodies[spec.body].position) - move)
             problem = f"{what} of {amount:.2g} m at the start"
-            refuse_initial(scene, name, problem)
+            refuse_initial(scene, name, problem, f"use {place} for {spec.body}")
         slip = float(np.linalg.norm(system.contact_table[c, SLIP : SLIP + 3])) / system.speed
         if laws[c].static == np.inf and abs(gap) <= MISFIT < slip:
             amount = f"{slip * system.speed:.2g} m/s"

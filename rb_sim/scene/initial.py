@@ -207,7 +207,7 @@ def check_reduced(scene: Scene, place: InitialPlace, reduced: Any) -> None:
         if scene.constraints[joint].type == "rolling" and what.endswith("velocity"):
             slip, w = rolling_spin(reduced.system, place.state(name), MISFIT)
             problem = f"the contact point of {name} slips at {slip:.3g} m/s"
-            cure = f"use {_written('angular_velocity', w)}" if w else cure
+            cure = f"use {in_scene('angular_velocity', w)}" if w else cure
         cure = cure or _nearest(scene.bodies[name], reduced.state)
         refuse_initial(scene, joint, problem, cure)
 
@@ -221,12 +221,13 @@ def _nearest(body: Body, state: BodyState) -> str:
         "linear_velocity": sub(state.v_WC, rotate(state.q_WB, cross(state.w_WB_B, arm))),
         "angular_velocity": state.w_WB_B,
     }
-    written = {key: _written(key, value) for key, value in nearest.items()}
-    other = [text for key, text in written.items() if text != _written(key, getattr(body, key))]
+    written = {key: in_scene(key, value) for key, value in nearest.items()}
+    other = [text for key, text in written.items() if text != in_scene(key, getattr(body, key))]
     return f"use {', '.join(other)}" if other else "correct it"
 
 
-def _written(key: str, values: Sequence[float]) -> str:
+def in_scene(key: str, values: Sequence[float]) -> str:
+    """A key and its values as a scene file has them, to six digits."""
     size = max(map(abs, values))
     rounded = (0.0 if abs(x) < WRITTEN_ROUNDING * size else x for x in values)
     return f"{key} [{', '.join(f'{x + 0.0:.6g}' for x in rounded)}]"

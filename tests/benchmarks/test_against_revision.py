@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.against_revision import arguments, chosen, page, summary, without_contact
+from benchmarks.against_revision import arguments, chosen, summary, without_contact
 from benchmarks.stepping import answer
 from rb_sim.base.errors import RbSimError
 
@@ -67,8 +67,3 @@ def test_ratios_are_taken_round_by_round() -> None:
     assert (row.old, row.new) == (100.0, 120.0)
     assert row.ratio == pytest.approx(1.1)
     assert row.quartiles == (pytest.approx(1.1), pytest.approx(1.15))
-
-
-def test_page_has_a_row_for_each_case() -> None:
-    text = page("abc", "machine", {"top, rk4": summary([100.0, 100.0], [110.0, 130.0])})
-    assert "| top, rk4 | 100 | 120 | 1.20 | 1.15 to 1.25 |" in text.splitlines()

@@ -133,8 +133,8 @@ def test_bad_scene(name, tmp_path):
         (("statics", "nowhere"), "error: nowhere: does not exist; a scene must be"),
         (("warm", "nowhere"), "error: nowhere: does not exist"),
         (("heavy_top",), "error: No such command 'heavy_top' (heavy_top is a scene: rb_sim run"),
-        (("replay", "/no"), "error: /no: no such bag"),
-        (("recover", "/no"), "error: /no: no such bag"),
+        (("replay", "/no"), "error: /no: does not exist; must be a bag or the folder"),
+        (("recover", "/no"), "error: /no: does not exist; must be a bag or the folder"),
         (
             ("compare", "pendulum", "/bag"),
             "error: BAG: got pendulum, a scene; must be a bag, OTHER",

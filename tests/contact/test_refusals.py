@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -28,14 +29,22 @@ PARENT = {"body": BALL, "a": box([1, 1, 1], [0, 0, -0.5])}
 COULOMB = {"type": "coulomb", "static": 0.3}
 
 REFUSED: dict[str, tuple[Any, Any, tuple[str, ...]]] = {
-    "penetrates": (ball([0, 0, 0.05]), touch(), ("floor", "overlap of 0.05 m at the start")),
+    "penetrates": (
+        ball([0, 0, 0.05]), touch(),
+        ("floor", "overlap of 0.05 m at the start", "use position [0, 0, 0.1] for body"),
+    ),
     "rough but slips": (
         ball([0, 0, 0.1], linear_velocity=[1, 0, 0]),
         touch(friction={"type": "rough"}),
         ("floor", "slips at 1 m/s at the start", "rough"),
     ),
+    "tilted below the floor": (
+        box([0.4, 0.4, 0.2], [0, 0, 0.1], orientation={"axis": [0, 1, 0], "angle": 0.5}), touch(),
+        ("floor", f"use position [0, 0, {0.2 * math.sin(0.5) + 0.1 * math.cos(0.5):.6g}] for body"),
+    ),
     "bilateral but apart": (
-        ball([0, 0, 0.2]), touch(mode="bilateral"), ("floor", "gap of 0.1 m at the start"),
+        ball([0, 0, 0.2]), touch(mode="bilateral"),
+        ("floor", "gap of 0.1 m at the start", "use position [0, 0, 0.1] for body"),
     ),
     "unknown surface": (BALL, touch(surface={"type": "cone"}), ("cone", "plane", "cylinder")),
     "unknown friction": (BALL, touch(friction={"type": "sticky"}), ("sticky", "coulomb")),

@@ -41,20 +41,17 @@ def test_the_pages_are_up_to_date():
 
 
 @pytest.mark.parametrize("kind", SPECS)
-def test_a_page_gives_the_equation_of_its_law_alone(kind):
-    (_, section) = made()[f"{kind}.md"].split("## Equation\n\n$$\n")  # typeset, then as text
-    (_, rest) = section.partition("## Keys")[0].split("```text\n")
-    equation = rest.split("\n```")[0]
-    assert "=" in equation and len(equation.splitlines()) <= 6
-    others = [spec.EQUATION for name, spec in SPECS.items() if name != kind]
-    assert SPECS[kind].EQUATION not in others
-
-
-@pytest.mark.parametrize("kind", SPECS)
-def test_a_page_has_its_equation_typeset(kind):
-    formula = made()[f"{kind}.md"].split("\n$$\n")[1]
-    assert formula.count("{") == formula.count("}")
-    assert not {"=", r"\ge"}.isdisjoint(formula.split())
+def test_a_page_has_its_equation_typeset_and_once(kind):
+    """One law, one equation; no second one as text."""
+    text = made()[f"{kind}.md"]
+    section = text.split("## Equation\n\n")[1].partition("## Keys")[0]
+    (_, *formulas) = section.split("$$\n")[:-1]
+    for formula in formulas[::2]:
+        assert formula.count("{") == formula.count("}")
+        assert not {"=", r"\ge"}.isdisjoint(formula.split())
+    assert formulas and section.count("$$") % 2 == 0 and "```" not in section
+    assert "=" not in text.split("## Equation")[0].replace("|T|", "")
+    assert all(made()[f"{name}.md"].count(formulas[0]) == (name == kind) for name in SPECS)
 
 
 @pytest.mark.parametrize("kind", SPECS)

@@ -35,7 +35,6 @@ APART = (
     "heaps",
     "measurements",
     "thresholds",
-    "steps",
     "time-stepping-solver",
 )
 """Pages of evidence and internals, which would crowd users' pages out."""

@@ -395,6 +395,24 @@ def test_one_clear_line_for_what_cannot_be_shown(run, tmp_path):
             show(name)
 
 
+def test_arrows_stay_in_the_picture_and_zeros_have_no_plot(tmp_path):
+    """The ball stands on top of a sphere at first, with its arrow upwards, and never turns."""
+    page = tmp_path / "page.html"
+    show("sphere_slides_off", page)
+    ends, title, text = ask(
+        page,
+        """
+        const {width, height} = canvas.getBoundingClientRect(), rows = [...times_.keys()];
+        camera.fit(width, height);
+        const tips = rows.map((k) => camera.project(endsOf(arrows[0], k)[1]));
+        return [tips.map(([x, y]) => 0 < x && x < width && 0 < y && y < height),
+                plots.map((plot) => plot.title), document.body.innerText];
+        """,
+    )
+    assert np.mean(ends) > 0.95
+    assert not any("angles" in one for one in title) and "zero throughout: angles of ball" in text
+
+
 def test_the_reaction_that_carries_most_is_shown_first(tmp_path):
     """Not the top of a leaning rod, which the floor bears only after the fall."""
     rod = """

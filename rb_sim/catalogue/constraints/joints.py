@@ -38,9 +38,14 @@ class Free(Spec):
     type: Literal["free"]
     body: Name
 
-    EQUATION: ClassVar[str] = """
-    m dV/dt = F
-    I dw/dt + w x I w = R^T K        about C, body axes
+    EQUATION: ClassVar[str] = r"""
+    $$
+    m\,\dot{\mathbf V} = \mathbf F , \qquad
+    \mathbf I\,\dot{\boldsymbol\omega} + \boldsymbol\omega\times\mathbf I\,\boldsymbol\omega
+    = R^{T}\mathbf K
+    $$
+
+    The second equation is about C, in body axes.
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
@@ -53,7 +58,7 @@ class Free(Spec):
 
 
 class FixedPoint(Spec):
-    """Spherical joint: point_B of the body stays at point_A. Reaction R = m a_C - F."""
+    """Spherical joint: point_B of the body stays at point_A."""
 
     type: Literal["fixed_point"]
     body: Name
@@ -64,10 +69,14 @@ class FixedPoint(Spec):
     """joint point on the parent, from its origin, or in the world [m]; default: the initial
     position of point_B."""
 
-    EQUATION: ClassVar[str] = """
-    p_B = p_A                        of the points point_B and point_A
-    V_B = V_A                        of the material points there
-    on the body: a force lambda at point_B; where the parent is the world, R = m a_C - F
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf p_B = \mathbf p_A , \qquad \mathbf V_B = \mathbf V_A
+    $$
+
+    These are `point_B` and `point_A` and the velocities of the material points there. The reaction
+    is a force at `point_B`; if the parent is the world, it is
+    $\mathbf R = m\,\mathbf a_C - \mathbf F$.
     """
 
     def parts(self, place: Place) -> list[Part]:
@@ -86,9 +95,13 @@ class Weld(Spec):
     point_B: Vector3 = ZERO
     """the point about which the reaction is taken, from the body origin, body axes [m]."""
 
-    EQUATION: ClassVar[str] = """
-    p_B = p_A,  q_AB = q_AB(0)       the pose relative to the parent stays constant
-    on the body: a force and a torque about point_B
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf p_B = \mathbf p_A , \qquad q_{AB} = q_{AB}(0)
+    $$
+
+    The pose relative to the parent stays constant. The reaction is a force and a torque about
+    `point_B`.
     """
 
     def parts(self, place: Place) -> list[Part]:
@@ -155,11 +168,8 @@ class CurveGuide(Spec):
 
 
 class Translation(Spec):
-    """The body keeps its attitude; with a `guide`, point_B stays on it.
-
-    m dv/dt = F . tau along the tangent. One reaction about point_B comprises a force of the guide,
-    normal to the path, and the torque that prevents rotation.
-    """
+    """The body keeps its attitude; with a `guide`, point_B stays on it. One reaction about
+    point_B."""
 
     type: Literal["translation"]
     body: Name
@@ -170,10 +180,14 @@ class Translation(Spec):
     )
     """curve along which point_B moves; default: none, point_B moves freely."""
 
-    EQUATION: ClassVar[str] = """
-    w = 0,  p_B = c(s)               c: the guide; without one only the attitude is held
-    m dv/dt = F . tau                tau: its tangent, v: the speed along it
-    on the body: a force normal to the guide, and the torque that keeps it from turning
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \boldsymbol\omega = 0 , \qquad \mathbf p_B = \mathbf c(s) , \qquad
+    m\,\dot v = \mathbf F\cdot\boldsymbol\tau
+    $$
+
+    $\mathbf c$ is the guide, $\boldsymbol\tau$ its tangent, $v$ the speed along it. The reaction is
+    a force normal to the guide and the torque that prevents rotation.
     """
 
     def curve(self, place: Place) -> tuple | None:

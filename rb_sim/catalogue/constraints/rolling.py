@@ -9,9 +9,9 @@
 
 """Rolling without slip on a perfectly rough plane (LL 38.3): the contact point is at rest.
 
-The surface is that of the body's shape: sphere, thin disk (its rim), ellipsoid or cylinder.  A
+The surface is that of the body's shape: sphere, thin disk (its rim), ellipsoid or cylinder. A
 cylinder touches along a line, so two more constraint equations keep its axis parallel to the plane.
-The plane belongs to the world or to a parent body.  The equation of the height is holonomic, the
+The plane belongs to the world or to a parent body. The equation of the height is holonomic, the
 two tangential ones are not.
 """
 
@@ -54,10 +54,15 @@ class Rolling(Spec):
     point_A: Vector3 = ZERO
     """a point of the plane, on the parent from its origin, or in the world [m]."""
 
-    EQUATION: ClassVar[str] = """
-    normal_A . (p_P - p_A) = 0       P: where the shape touches the plane
-    V + w x r_CP = V_A               of the plane's material point at P; of the world's zero
-    on the body: a force at P; of a cylinder also the torque that keeps its line on the plane
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf n_A\cdot(\mathbf p_P - \mathbf p_A) = 0 , \qquad
+    \mathbf V + \boldsymbol\omega\times\mathbf r_{CP} = \mathbf V_A
+    $$
+
+    P is the contact point, $\mathbf V_A$ the velocity of the plane's material point there (zero in
+    the world). The reaction is a force at P; on a cylinder also the torque that keeps its line on
+    the plane.
     """
 
     def surface(self, place: Place) -> NamedTuple:

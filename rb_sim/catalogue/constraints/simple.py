@@ -51,7 +51,7 @@ def distance_at_start(place: Place, body: str, r_B: Vec3, parent: str | None, r_
 
 
 class Distance(Spec):
-    """Rigid massless rod: |p_B - p_A| = length."""
+    """Rigid massless rod between point_B and point_A."""
 
     type: Literal["distance"]
     body: Name
@@ -63,9 +63,13 @@ class Distance(Spec):
     length: Positive | None = None
     """length of the rod [m]; default: the initial distance of its ends."""
 
-    EQUATION: ClassVar[str] = """
-    |p_B - p_A| = length
-    on the body: the force lambda (p_B - p_A) / length at point_B; lambda > 0 pushes
+    EQUATION: ClassVar[str] = r"""
+    $$
+    |\mathbf p_B - \mathbf p_A| = \ell , \qquad
+    \mathbf F = \lambda\,\frac{\mathbf p_B - \mathbf p_A}{\ell}
+    $$
+
+    The force acts on the body at `point_B`; $\lambda > 0$ pushes.
     """
 
     def parts(self, place: Place) -> list[Part]:
@@ -97,9 +101,12 @@ class Plane(Spec):
     normal_A: UnitVector3
     """normal to the plane, axes of the parent or the world."""
 
-    EQUATION: ClassVar[str] = """
-    normal_A . (p_B - p_A) = 0
-    on the body: the force lambda normal_A at point_B
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf n_A\cdot(\mathbf p_B - \mathbf p_A) = 0 , \qquad \mathbf F = \lambda\,\mathbf n_A
+    $$
+
+    The force acts on the body at `point_B`; $\mathbf n_A$ is `normal_A`.
     """
 
     def parts(self, place: Place) -> list[Part]:
@@ -121,9 +128,13 @@ class Parallel(Spec):
     """direction of the axis, axes of the parent or the world; default: the initial direction of
     axis_B."""
 
-    EQUATION: ClassVar[str] = """
-    axis_B . s = axis_B . t = 0      s, t: two directions of the parent normal to axis_A
-    on the body: a torque normal to the axis
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf e_B\cdot\mathbf s = \mathbf e_B\cdot\mathbf t = 0
+    $$
+
+    $\mathbf e_B$ is `axis_B`; $\mathbf s$ and $\mathbf t$ are two directions of the parent normal
+    to `axis_A`.
     """
 
     def parts(self, place: Place) -> list[Part]:
@@ -133,10 +144,10 @@ class Parallel(Spec):
 
 
 class Velocity(Spec):
-    """General linear velocity constraint: linear . v_P + angular . w = rate (LL 38.2).
+    """General linear constraint on the velocity of point_B and the angular velocity (LL 38.2).
 
-    Coefficients are constant in the body's or in the world's axes; v_P is the velocity of point_B,
-    w the angular velocity.  A knife edge along x: linear [0, 1, 0] in body axes.
+    Coefficients are constant in the body's or in the world's axes. A knife edge along x: linear
+    [0, 1, 0] in body axes.
     """
 
     type: Literal["velocity"]
@@ -152,9 +163,14 @@ class Velocity(Spec):
     rate: Finite = 0.0
     """right-hand side [m/s]; [rad/s] if `linear` is zero."""
 
-    EQUATION: ClassVar[str] = """
-    linear . v_P + angular . w = rate
-    on the body: the force lambda linear at point_B and the torque lambda angular
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf a\cdot\mathbf v_P + \mathbf b\cdot\boldsymbol\omega = r , \qquad
+    \mathbf F = \lambda\,\mathbf a , \quad \mathbf K = \lambda\,\mathbf b
+    $$
+
+    $\mathbf a$ is `linear`, $\mathbf b$ `angular`, $r$ `rate`; $\mathbf v_P$ is the velocity of
+    `point_B`, where the force acts.
     """
 
     def parts(self, place: Place) -> list[Part]:
@@ -197,10 +213,16 @@ class FixedAxis(Spec):
     floating: Literal["A", "B", "none"] = "B"
     """the bearing that carries no axial force."""
 
-    EQUATION: ClassVar[str] = """
-    p_A = point_A,  axis_B . s = axis_B . t = 0     s, t: two directions normal to axis_A
-    on the body: a force R_A at bearing A and R_B at bearing B = A + bearing_distance axis_B
-    against the world: J phi'' = K_n,  J = n . I_O n
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf p_B = \mathbf p_A , \qquad
+    \mathbf e_B\cdot\mathbf s = \mathbf e_B\cdot\mathbf t = 0 , \qquad
+    \text{against the world: } J\,\ddot\varphi = K_n , \quad
+    J = \mathbf n\cdot\mathbf I_O\,\mathbf n
+    $$
+
+    $\mathbf e_B$ is `axis_B`; $\mathbf s$ and $\mathbf t$ are two directions normal to `axis_A`,
+    whose unit vector is $\mathbf n$. The reactions are forces at both bearings.
     """
 
     def reaction_suffixes(self, place: Place) -> tuple[str, ...]:
@@ -233,7 +255,7 @@ class Reach(Spec):
 
 
 class String(Touching):
-    """|p_B - p_A| <= length: the tension N >= 0 pulls the body towards point_A while it is taut.
+    """Massless string: while it is taut, its tension pulls the body towards point_A.
 
     It is a smooth contact of point_B with the inside of a sphere of radius `length` around
     point_A; its gap is the slack. It has no mass, and passes through bodies. Events: impact, taut,
@@ -254,10 +276,18 @@ class String(Touching):
     """stiffness and damping of an elastic string: N = stiffness (distance - length) + damping (rate
     of the distance), at least 0."""
 
-    EQUATION: ClassVar[str] = """
-    g = length - |p_B - p_A| >= 0,  N >= 0,  N g = 0      jerk: g'_after = -e g'_before
-    elastic:  N = max(0, -k g - c g') where g < 0, else 0
-    on the body: the force N (p_A - p_B) / |p_B - p_A| at point_B
+    EQUATION: ClassVar[str] = r"""
+    $$
+    g = \ell - |\mathbf p_B - \mathbf p_A| \ge 0 , \quad N \ge 0 , \quad N g = 0 , \qquad
+    \mathbf F = N\,\frac{\mathbf p_A - \mathbf p_B}{|\mathbf p_B - \mathbf p_A|}
+    $$
+
+    $$
+    \text{jerk: } \dot g^{+} = -e\,\dot g^{-} , \qquad
+    \text{elastic, } g < 0: \; N = \max\left(0,\; -k\,g - c\,\dot g\right)
+    $$
+
+    The force acts on the body at `point_B`.
     """
 
     @model_validator(mode="after")

@@ -164,9 +164,14 @@ class Hinge(Spec):
     axis_A: UnitVector3 | None = None
     """the same axis, in the axes of the parent."""
 
-    EQUATION: ClassVar[str] = """
-    p_B = p_A;  with an axis: axis_B . s = axis_B . t = 0      s, t: normal to axis_A
-    on the body: a force at point_B, and a torque normal to the axis
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf p_B = \mathbf p_A , \qquad
+    \text{with an axis: } \mathbf e_B\cdot\mathbf s = \mathbf e_B\cdot\mathbf t = 0
+    $$
+
+    $\mathbf s$ and $\mathbf t$ are two directions normal to `axis_A`. The reaction is a force at
+    `point_B`, and a torque normal to the axis.
     """
 
     @model_validator(mode="after")

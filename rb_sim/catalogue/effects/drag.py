@@ -18,7 +18,7 @@ from rb_sim.numerics.vectors import ZERO, norm, rotate, scale, sub, unrotate
 
 
 class LinearDrag(Spec):
-    """F = -c (V - V_medium) at the centre of mass (Stokes)."""
+    """Drag proportional to the speed relative to a medium, at the centre of mass."""
 
     type: Literal["linear_drag"]
     body: Name
@@ -27,8 +27,12 @@ class LinearDrag(Spec):
     medium_velocity: Vector3 = ZERO
     """velocity of the medium, world [m/s]."""
 
-    EQUATION: ClassVar[str] = """
-    F = -c (V - V_medium)            at C
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf F = -c\,(\mathbf V - \mathbf V_{\mathrm{medium}})
+    $$
+
+    The force acts at C.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
@@ -53,7 +57,7 @@ def linear_drag(row, t, body, B, A):
 
 
 class QuadraticDrag(Spec):
-    """F = -c |V - V_medium| (V - V_medium) at the centre of mass (Newton)."""
+    """Drag proportional to the square of the speed relative to a medium, at the centre of mass."""
 
     type: Literal["quadratic_drag"]
     body: Name
@@ -62,8 +66,13 @@ class QuadraticDrag(Spec):
     medium_velocity: Vector3 = ZERO
     """velocity of the medium, world [m/s]."""
 
-    EQUATION: ClassVar[str] = """
-    F = -c |V - V_medium| (V - V_medium)     at C
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf F = -c\,|\mathbf V - \mathbf V_{\mathrm{medium}}|\,
+    (\mathbf V - \mathbf V_{\mathrm{medium}})
+    $$
+
+    The force acts at C.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
@@ -89,7 +98,7 @@ def quadratic_drag(row, t, body, B, A):
 
 
 class AngularDamping(Spec):
-    """K = -c (w_B - w_A): viscous torque against rotation relative to the parent or the world."""
+    """Viscous torque against rotation relative to the parent or the world."""
 
     type: Literal["angular_damping"]
     body: Name
@@ -97,8 +106,13 @@ class AngularDamping(Spec):
     coefficient: NonNegative
     """coefficient c [N m s/rad]."""
 
-    EQUATION: ClassVar[str] = """
-    K = -c (w_B - w_A)               on the body, the opposite on the parent; w_A = 0 of the world
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf K = -c\,(\boldsymbol\omega_B - \boldsymbol\omega_A)
+    $$
+
+    The torque acts on the body, the opposite one on the parent; the world has
+    $\boldsymbol\omega_A = 0$.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:

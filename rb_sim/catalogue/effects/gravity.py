@@ -45,8 +45,12 @@ class Gravity(Spec):
         Annotated[tuple[Name, ...], Strict(False)] | None, AfterValidator(_some_or_all)
     ] = None
 
-    EQUATION: ClassVar[str] = """
-    F = m g at C,  U = -m g . p_C
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf F = m\,\mathbf g , \qquad U = -m\,\mathbf g\cdot\mathbf p_C
+    $$
+
+    The force acts at C.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:

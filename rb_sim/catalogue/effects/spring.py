@@ -9,12 +9,10 @@
 
 """Spring-damper between a point of the body and a point of its parent or the world.
 
-With a rest length l0 > 0 the force acts along the line through the points:
-F = -k (l - l0) u of the spring, F = -c (u . d') u of the damper. With l0 = 0 the law is isotropic,
-as for a bushing: F = -k d - c v, without a singular point at d = 0. Here v is the velocity of the
-body's point relative to the parent's material point at the same place. The force acts on both
-bodies at this place, so the dissipated power is c v . v for any rotation of the parent. A scene
-without damping does not compute it.
+With a rest length the force acts along the line through the points. Without one the law is
+isotropic, as for a bushing, and regular where the points coincide. There v is the velocity of the
+body's point relative to the parent's material point at the same place, and the force acts on both
+bodies at this place: damping dissipates energy however the parent rotates.
 """
 
 from __future__ import annotations
@@ -43,11 +41,21 @@ class Spring(Spec):
     rest_length: NonNegative = 0.0
     """unstretched length l0 [m]."""
 
-    EQUATION: ClassVar[str] = """
-    d = p_B - p_A,  l = |d|,  u = d / l
-    rest_length > 0:  F = -k (l - l0) u - c (u . d') u,   U = k (l - l0)^2 / 2
-    rest_length = 0:  F = -k d - c v,                     U = k d . d / 2
-    F acts on the body at point_B, -F on the parent
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \ell_0 > 0: \quad
+    \mathbf F = -k\,(\ell - \ell_0)\,\mathbf u - c\,(\mathbf u\cdot\dot{\mathbf d})\,\mathbf u ,
+    \qquad U = \tfrac12 k\,(\ell - \ell_0)^2
+    $$
+
+    $$
+    \ell_0 = 0: \quad \mathbf F = -k\,\mathbf d - c\,\mathbf v , \qquad
+    U = \tfrac12 k\,\mathbf d\cdot\mathbf d
+    $$
+
+    $\mathbf d = \mathbf p_B - \mathbf p_A = \ell\,\mathbf u$ leads from `point_A` to `point_B`,
+    $\ell_0$ is `rest_length`. The force acts on the body at `point_B`, the opposite one on the
+    parent.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
@@ -119,24 +127,6 @@ def separation(row, B, A):
     )
 
 
-def separation_rate(row, B, A):
-    """Rate of `separation`: the difference of the two material points' velocities, world axes
-    [m/s]."""
-    return sub(
-        add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B))),
-        add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, row.r_A))),
-    )
-
-
-def velocity_past_parent(row, B, A):
-    """Velocity of the body's point relative to the parent's material point at the same place, world
-    axes [m/s]."""
-    r = rotate(B.q_WB, row.r_B)
-    arm = sub(add(B.p_WC, r), A.p_WC)
-    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
-    return sub(own, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), arm)))
-
-
 def at_point(row, B, f):
     """The wrench of a force f (world) that acts at r_B."""
     return f, cross(row.r_B, unrotate(B.q_WB, f))
@@ -161,7 +151,8 @@ def spring_potential(row, t, body, B, A):
 def damper(row, t, body, B, A):
     """-c (u . d') u, with d the separation and u = d/|d|: acts on the rate of the length only."""
     d = separation(row, B, A)
-    rate = dot(d, separation_rate(row, B, A))
+    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
+    rate = dot(d, sub(own, add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, row.r_A)))))
     return at_point(row, B, scale(-row.damping * rate / dot(d, d), d))
 
 
@@ -180,5 +171,9 @@ def bushing_potential(row, t, body, B, A):
 
 @wrench.register(BushingDamperRow)
 def bushing_damper(row, t, body, B, A):
-    """-c v, with v the relative velocity of `velocity_past_parent`."""
-    return at_point(row, B, scale(-row.damping, velocity_past_parent(row, B, A)))
+    """-c v, with v the velocity of the body's point relative to the parent's material point at the
+    same place."""
+    arm = sub(add(B.p_WC, rotate(B.q_WB, row.r_B)), A.p_WC)
+    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
+    v = sub(own, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), arm)))
+    return at_point(row, B, scale(-row.damping, v))

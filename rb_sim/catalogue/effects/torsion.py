@@ -7,13 +7,12 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Torsion spring about an axis of the body: K = -k (theta - theta0) grad theta.
+"""Torsion spring about an axis of the body.
 
-theta is the twist about the axis in the rotation from the parent's to the body's frame,
-theta = 2 atan2(v . a, w) for the relative quaternion (v, w), plus full turns: the value closest to
-that at the end of the previous step is taken. The gradient of theta is the axis itself as long as
-the body only turns about it; otherwise the full gradient keeps the law conservative:
-(w^2 a + w a x v + (v . a) v) / (w^2 + (v . a)^2).
+The angle is the twist about the axis in the rotation from the parent's to the body's frame, plus
+full turns: the value closest to that at the end of the previous step is taken. Its gradient is the
+axis itself as long as the body only turns about it; otherwise the full gradient keeps the law
+conservative.
 """
 
 from __future__ import annotations
@@ -66,11 +65,22 @@ class TorsionSpring(Spec):
     rest_angle: Angle = 0.0
     """angle theta0 of zero torque, from the initial pose [rad]."""
 
-    EQUATION: ClassVar[str] = """
-    theta = 2 atan2(v . a, w)        of the turn (v, w) from the initial pose against the parent,
-                                     whole turns counted from the start, or from a state that is set
-    K = -k (theta - theta0) grad theta - c ((w_B - w_A) . a) a,   U = k (theta - theta0)^2 / 2
-    K acts on the body, -K on the parent
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf K = -k\,(\theta - \theta_0)\,\nabla\theta
+    - c\,\big((\boldsymbol\omega_B - \boldsymbol\omega_A)\cdot\mathbf a\big)\,\mathbf a , \qquad
+    U = \tfrac12 k\,(\theta - \theta_0)^2
+    $$
+
+    $$
+    \theta = 2\,\mathrm{atan2}(\mathbf v\cdot\mathbf a,\, w) , \qquad
+    \nabla\theta = \frac{w^2\,\mathbf a + w\,\mathbf a\times\mathbf v
+    + (\mathbf v\cdot\mathbf a)\,\mathbf v}{w^2 + (\mathbf v\cdot\mathbf a)^2}
+    $$
+
+    The quaternion $(\mathbf v, w)$ turns the parent's frame into the body's, counted from the
+    initial pose; $\mathbf a$ is the axis. The torque acts on the body, the opposite one on the
+    parent.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:

@@ -43,7 +43,7 @@ Axes = Literal["world", "body"]
 
 
 class Wrench(Spec):
-    """Constant wrench, plus an optional harmonic part sin(omega t + phase)."""
+    """Constant wrench, plus an optional harmonic part."""
 
     type: Literal["wrench"]
     body: Name
@@ -64,9 +64,14 @@ class Wrench(Spec):
     phase: Angle = 0.0
     """phase of the harmonic part at t = 0 [rad]."""
 
-    EQUATION: ClassVar[str] = """
-    F = force + sine_force sin(omega t + phase)      at point_B
-    K = torque + sine_torque sin(omega t + phase)    free; in axes of the body both turn with it
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf F = \mathbf F_0 + \mathbf F_1 \sin(\Omega t + \phi) , \qquad
+    \mathbf K = \mathbf K_0 + \mathbf K_1 \sin(\Omega t + \phi)
+    $$
+
+    `force` is $\mathbf F_0$, `sine_force` $\mathbf F_1$, `torque` $\mathbf K_0$, `sine_torque`
+    $\mathbf K_1$. The force acts at `point_B`. In body axes both turn with the body.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:
@@ -102,11 +107,14 @@ class WrenchTable(Spec):
     interpolation: Literal["linear", "hold"] = "linear"
     """between two instants: linear, or held at the value of the earlier one."""
 
-    EQUATION: ClassVar[str] = """
-    t_i <= t < t_(i+1):  F = F_i + (F_(i+1) - F_i) (t - t_i) / (t_(i+1) - t_i)     linear
-                         F = F_i                                                    hold
-    t < t_0, t > t_n:    F = 0
-    and K likewise; F acts at point_B, in axes of the body both turn with it
+    EQUATION: ClassVar[str] = r"""
+    $$
+    \mathbf F(t) = \mathbf F_i + (\mathbf F_{i+1} - \mathbf F_i)\,\frac{t - t_i}{t_{i+1} - t_i} ,
+    \qquad t_i \le t < t_{i+1}
+    $$
+
+    `interpolation: hold` keeps $\mathbf F_i$ over the interval. Torques likewise. The force acts at
+    `point_B`. In body axes both turn with the body.
     """
 
     @model_validator(mode="after")
@@ -146,8 +154,12 @@ class CommandedWrench(Spec):
     body: Name
     commandable: ClassVar[bool] = True
 
-    EQUATION: ClassVar[str] = """
-    F, K = the last command          F at the body origin, in axes of the world or of the body
+    EQUATION: ClassVar[str] = r"""
+    $$
+    (\mathbf F, \mathbf K) = \text{the last command}
+    $$
+
+    The force acts at the body origin; axes of the world or of the body.
     """
 
     def rows(self, place: Place) -> list[tuple[NamedTuple, str, str | None]]:

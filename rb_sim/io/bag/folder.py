@@ -182,7 +182,10 @@ def bag_paths(bag: Path) -> list[Path]:
     """
     if not bag.is_dir():
         if not bag.exists():
-            raise SinkError(f"{bag}: no such bag")
+            raise SinkError(
+                f"{bag}: does not exist; must be a bag or the folder of a run (record one: "
+                "rb_sim run SCENE --out DIR)"
+            )
         if bag.suffix == _COMPRESSED:
             raise SinkError(_packed(bag, bag))
         return [bag]

@@ -263,16 +263,36 @@ function arrow(pen, a, b, style, width, heads) {
   }
 }
 
+/** Both ends of an arrow at sample k. */
+function endsOf(one, k) {
+  const [p, f] = [one.point, one.vector].map((rows) => Array.from(rows.subarray(3 * k, 3 * k + 3)));
+  return [p, add(p, times(1 / D.groups[one.group].per, f))];
+}
+
 function drawArrows(pen) {
   const k = indexAt(times_, state.time);
   for (const one of arrows) {
     const group = D.groups[one.group];
     if (!shown[one.group]) continue;
-    const p = Array.from(one.point.subarray(3 * k, 3 * k + 3)), f = Array.from(one.vector.subarray(3 * k, 3 * k + 3));
+    const [p, tip] = endsOf(one, k);
     if (one.state && one.state[k]) drawDot(pen, p, D.colors.contact[one.state[k]], 4.5);
-    if (!(norm(f) > 1e-9 * group.per)) continue;
-    const from = camera.project(p), to = camera.project(add(p, times(1 / group.per, f)));
+    if (!(norm(sub(tip, p)) > 1e-9)) continue;
+    const from = camera.project(p), to = camera.project(tip);
     if (from && to) arrow(pen, from, to, group.color, 3, group.heads);
+  }
+}
+
+/** Start so far away that 97 % of the arrows shown at the start end within the picture, over the whole run. */
+function makeRoom() {
+  const { width, height } = canvas.getBoundingClientRect(), stride = Math.ceil(times_.length / 200), tips = [];
+  for (const one of arrows.filter((arrow) => D.groups[arrow.group].on))
+    for (let k = 0; k < times_.length; k += stride) tips.push(endsOf(one, k)[1]);
+  const inside = (p) => p && p[0] > 0 && p[0] < width && p[1] > 0 && p[1] < height;
+  for (let tries = 0; tries < 12; tries++) {
+    camera.fit(width, height);
+    if (tips.filter((tip) => inside(camera.project(tip))).length >= 0.97 * tips.length) return;
+    camera.home.distance *= 1.06;
+    camera.reset();
   }
 }
 
@@ -408,9 +428,15 @@ function zoom(from, to) {
   for (const plot of plots) plot.draw(span.from, span.to, state.time);
 }
 
+/** Plots of what changes or is not zero, and the names of the others. */
 function remake() {
   $("plots").replaceChildren();
-  plots = specs().map((spec) => new Plot($("plots"), spec, seek, zoom));
+  const none = (values, scale) => values.every((value) => Math.abs(value) <= 1e-9 * scale);
+  const zero = ({ lines, scale }) => lines.every((l) => none(l.y, scale) && (!l.exact || none(l.exact.y, scale)));
+  const all = specs(), absent = all.filter(zero).map((spec) => spec.title);
+  plots = all.filter((spec) => !zero(spec)).map((spec) => new Plot($("plots"), spec, seek, zoom));
+  if (absent.length)
+    $("plots").appendChild(document.createElement("p")).textContent = `zero throughout: ${absent.join("; ")}`;
   zoom(span.from, span.to);
 }
 
@@ -582,6 +608,7 @@ function begin() {
   });
   $("event").hidden = !D.events.length;
   turnByHand();
+  makeRoom();
   legend();
   remake();
   marks();

@@ -331,6 +331,7 @@ class View:
         self._panels = [panel for panel in panels if panel.entity not in NOT_SHOWN]
         self._most: dict[str, tuple[str, float]] = {}
         """kind and largest value so far of each plot."""
+        self._first_attitude: dict[str, Array] = {}
         here = self._from_local_origin(first)
         self._extent.add(here)
         self._static = Static(recording, scene, layout, self._scales, here)
@@ -436,7 +437,12 @@ class View:
             self._plot(entity, self._resolved(kind, entity, values))
 
     def _note_most(self, kind: str, entity: str, values: Array) -> None:
-        """Update the largest value of a plot; values that are not finite count as infinite."""
+        """Update the largest value of a plot; values that are not finite count as infinite.
+
+        Of quaternions the change counts: the angles show how a body is turned that does not turn.
+        """
+        if kind == "attitude":
+            values = values - self._first_attitude.setdefault(entity, values[0])
         most = np.abs(np.where(np.isfinite(values), values, np.inf)).max(initial=0.0)
         self._most[entity] = kind, max(self._most.get(entity, (kind, 0.0))[1], float(most))
 
