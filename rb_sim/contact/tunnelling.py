@@ -179,7 +179,7 @@ BETWEEN = 4.0
 
 
 def thickness(sides: Sides) -> float:
-    """Smaller one of the support's thickness and the side's length [m]."""
+    """Smaller one of the support's thickness and the longest edge [m]."""
     support: Any = sides.support
     if isinstance(support, Box):
         through = 2.0 * min(support.half)
@@ -187,8 +187,9 @@ def thickness(sides: Sides) -> float:
         through = 2.0 * min(support.radius, support.half)
     else:
         through = 2.0 * support.curved
-    longest = float(np.linalg.norm(sides.edges[:, 1] - sides.edges[:, 0], axis=1).max())
-    return min(through, longest)
+    if isinstance(sides.own, Box):
+        return min(through, 2.0 * max(sides.own.half))
+    return min(through, float(np.linalg.norm(sides.edges[0, 1] - sides.edges[0, 0])))
 
 
 def reach(sides: Sides) -> float:
