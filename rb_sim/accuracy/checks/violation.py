@@ -149,7 +149,11 @@ def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any
             parts = list(spec.model_copy(update={"points": None}).parts(place))
         except (SceneError, ValueError):
             parts = []  # this shape cannot touch this support
-        if not parts or shape.type == "box" and isinstance(spec.surface, BodySurface):
+        if (
+            not parts
+            or shape.type == "box"
+            and isinstance(getattr(spec, "surface", None), BodySurface)
+        ):
             # between the corners of a box as well, which may all slide along the sides of another
             parts = list(spec.model_copy(update={"points": outline(shape)}).parts(place))
         yield name, spec.body, spec.parent, parts, DEEP * shape.reach
