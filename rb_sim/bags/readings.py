@@ -53,7 +53,8 @@ if TYPE_CHECKING:
 # Fields of a message, by the schema in the file that holds it.
 #
 # A type may differ from the one of that name known here (other release, private copy). Fields that
-# are not needed are skipped; a needed field that is missing or not a double is an error. The format
+# are not needed are skipped, and the others taken in the order known here, whatever that in the
+# file; a needed field that is missing or not a double is an error. The format
 # is concatenated ROS 2 .msg files (MCAP "ros2msg"): the type itself, then each type used in it,
 # after a line of = and "MSG: ...". Without a schema the type is the one known here.
 
@@ -63,7 +64,7 @@ class _Read(NamedTuple):
 
     kind: str
     needed: tuple[str, ...]
-    """fields that are read completely, in this order: stamps, strings and doubles."""
+    """fields that are read completely: stamps, strings and doubles."""
 
 
 READ = {
@@ -97,13 +98,14 @@ DEEPEST = 16
 
 
 class Field(NamedTuple):
-    """Values of one kind in a message; doubles that follow each other are one field."""
+    """Values of one kind in a message; doubles that belong together are one field."""
 
     kind: str
     """a primitive type, "string" or "time"."""
     count: int
     """of values; -1 for a sequence."""
-    needed: bool
+    place: int
+    """of the first value among those that are needed; -1: not needed."""
 
 
 @cache
@@ -112,34 +114,41 @@ def fields_of(ros_type: str, text: str) -> tuple[Field, ...]:
 
     Raises ValueError if the schema lacks a needed field or cannot be decoded.
     """
-    types, inner, needed = _types(text), INNER.get(ros_type), READ[ros_type].needed
+    types, inner = _types(text), INNER.get(ros_type)
     name = ""
     if inner is not None:
-        parts = types[""]
-        if len(parts) != 1 or parts[0][1:] != (-1, needed[0]):
-            raise ValueError(f"its schema of {ros_type} is not a sequence {needed[0]} alone")
-        name, needed = parts[0][0], READ[inner].needed
+        parts, part = types[""], READ[ros_type].needed[0]
+        if len(parts) != 1 or parts[0][1:] != (-1, part):
+            raise ValueError(f"its schema of {ros_type} is not a sequence {part} alone")
+        name = parts[0][0]
     several = READ[ros_type].kind == JOINT
+    places = _places(inner or ros_type)
     found: list[Field] = []
-    seen: list[int] = []
     for path, kind, count in _leaves("", name, types, 0):
-        of = [k for k, p in enumerate(needed) if f"{path}.".startswith(f"{p}.")]
-        seen += of
-        taken = bool(of) and not path.endswith(".seq")  # of headers of ROS 1
+        place = places.pop(path, -1)
+        taken = place >= 0
         if kind == "wstring":
             raise ValueError(f"{path} in its schema is a wstring that is not read over")
         if taken and (kind not in ("time", "string", "float64") or not (count > 0 or several)):
             sequence = "[]" * (count < 0)
             raise ValueError(f"{path} in its schema is {kind}{sequence}, not float64")
-        last = found[-1] if found else Field("", 0, False)
-        if min(count, last.count) > 0 and kind == "float64" and last[::2] == (kind, taken):
-            count += found.pop().count
-        found.append(Field(kind, count, taken))
-    lacks = [path for k, path in enumerate(needed) if k not in seen]
-    if lacks or seen != sorted(seen):
-        what = f"lacks {', '.join(lacks)}" if lacks else "has its fields in another order"
-        raise ValueError(f"its schema of {inner or ros_type} {what}")
+        last = found[-1] if found else Field("", 0, 0)
+        follows = last.place + last.count if taken else -1
+        if min(count, last.count) > 0 and kind == last.kind == "float64" and place == follows:
+            found[-1] = Field(kind, last.count + count, last.place)
+        else:
+            found.append(Field(kind, count, place))
+    if places:
+        raise ValueError(f"its schema of {inner or ros_type} lacks {', '.join(places)}")
     return tuple(found)
+
+
+def _places(ros_type: str) -> dict[str, int]:
+    """Place of each needed primitive field among them, in the type known here."""
+    needed = READ[ros_type].needed
+    leaves = _leaves("", "", _types(schema_text(ros_type)), 0)
+    taken = [path for path, _, _ in leaves if f"{path}.".startswith(tuple(f"{p}." for p in needed))]
+    return {path: k for k, path in enumerate(taken)}
 
 
 def _types(text: str) -> dict[str, list[tuple[str, int, str]]]:
@@ -250,21 +259,22 @@ def _reading(
     cursor: Cursor, data: bytes, fields: tuple[Field, ...]
 ) -> tuple[tuple[str, ...], Codec]:
     """Strings of the next reading, and the codec for its stamp and numbers."""
-    names: list[str] = []
+    names: list[tuple[int, list[str]]] = []
     stamps: list[int] = []
-    runs: list[tuple[int, str, int]] = []
-    for kind, length, needed in fields:  # messages of one group have sequences of equal length
+    runs: list[tuple[int, tuple[int, str, int]]] = []
+    for kind, length, place in fields:  # messages of one group have sequences of equal length
         count = cursor.count() if length < 0 else length
         if kind == "string":
             texts = [cursor.text("replace") for _ in range(count)]
-            names += texts if needed else []
+            names.append((place, texts))
         elif kind == "time":
-            places = [cursor.take(4, 8, numbers=True) for _ in range(count)]
-            stamps += places if needed else []
+            offsets = [cursor.take(4, 8, numbers=True) for _ in range(count)]
+            stamps += offsets if place >= 0 else []
         elif count:
             at = cursor.take(SIZES[kind], SIZES[kind] * count, numbers=True)
-            runs += [(at, "d", count)] if needed else []
-    return tuple(names), Codec(data, stamps, runs)
+            runs += [(place, (at, "d", count))] if place >= 0 else []
+    texts = [text for place, some in sorted(names) if place >= 0 for text in some]
+    return tuple(texts), Codec(data, stamps, [run for _, run in sorted(runs)])
 
 
 # Check that the header stamps of all sources come from one clock, by comparison with log times.

@@ -65,7 +65,7 @@ class Sides(NamedTuple):
     parent: int
     """index of the parent; -1: the world."""
     edges: np.ndarray
-    """ends of each edge, body coordinates from C, shape (k, 2, 3) [m]."""
+    """ends of each edge and diagonal, body coordinates from C, shape (k, 2, 3) [m]."""
     support: NamedTuple
     """Box, Cylinder or BallOnCylinder, in the parent's coordinates from C."""
     motion: NamedTuple
@@ -75,12 +75,15 @@ class Sides(NamedTuple):
 
 
 def edges_of_box(box: Box) -> np.ndarray:
-    """The 12 edges of a box, shape (12, 2, 3) [m]."""
+    """The 12 edges of a box and its 4 diagonals, shape (16, 2, 3) [m].
+
+    The diagonals enter what the corners and edges only slide along: an equal box below.
+    """
     signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
     corners = np.array(box.centre) + signs * np.array(box.half)
     pairs = [
-        (i, j) for i in range(8) for j in range(i) if np.sum(signs[i] != signs[j]) == 1
-    ]  # corners of an edge differ in one sign
+        (i, j) for i in range(8) for j in range(i) if np.sum(signs[i] != signs[j]) != 2
+    ]  # corners of an edge differ in one sign, those of a diagonal in three
     return np.array([[corners[i], corners[j]] for i, j in pairs])
 
 

@@ -157,11 +157,9 @@ def refuse_sunk(all_sides: tuple[Sides, ...], times: Any, y: Array, sunk: float 
         if len(bad):
             depth, t = deeper[bad[0]], times[seen[bad[0]]]
             raise SimulationError(
-                f"an edge of the body penetrates the support of contact {sides.name} by "
-                f"{depth:.2g} m "
-                f"at t = {t:.9g} s: only its corners and ends make contact here; add points "
-                "between "
-                "them"
+                f"the body penetrates the support of contact {sides.name} by {depth:.2g} m at "
+                f"t = {t:.9g} s: only its corners and ends make contact here; add points between "
+                "them, or use simulation.method time_stepping for two boxes"
             )
 
 
@@ -181,7 +179,7 @@ BETWEEN = 4.0
 
 
 def thickness(sides: Sides) -> float:
-    """Smaller one of the support's thickness and the side's length [m]."""
+    """Smaller one of the support's thickness and the longest edge [m]."""
     support: Any = sides.support
     if isinstance(support, Box):
         through = 2.0 * min(support.half)
@@ -189,8 +187,9 @@ def thickness(sides: Sides) -> float:
         through = 2.0 * min(support.radius, support.half)
     else:
         through = 2.0 * support.curved
-    longest = float(np.linalg.norm(sides.edges[:, 1] - sides.edges[:, 0], axis=1).max())
-    return min(through, longest)
+    if isinstance(sides.own, Box):
+        return min(through, 2.0 * max(sides.own.half))
+    return min(through, float(np.linalg.norm(sides.edges[0, 1] - sides.edges[0, 0])))
 
 
 def reach(sides: Sides) -> float:

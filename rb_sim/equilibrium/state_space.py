@@ -25,7 +25,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
-from scipy.linalg import null_space, qr
+from scipy.linalg import matrix_balance, null_space, qr
 
 from rb_sim.base.palette import AXES, BAD, CYCLE, FAINT, GOOD, GRID, TEXT
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
@@ -97,7 +97,10 @@ class LinearModel:
         """Each eigenvalue with the state of the largest component in its mode.
 
         A multiple zero (a free body along x: position and velocity) would come out of a solver as a
-        pair of about 1e-8, so zeros are removed first by repeated null spaces.
+        pair of about 1e-8, so zeros are removed first by repeated null spaces. So would a multiple
+        eigenvalue on the imaginary axis (the motion of a free body in axes that turn): a real part
+        is 0 if the rounding of A may have made it, i.e. if A is that near to a matrix with the
+        eigenvalue on the axis.
         """
         if not self.states:
             return []
@@ -113,7 +116,12 @@ class LinearModel:
             rest: Any = null_space(zero.T)
             basis, left = basis @ rest, rest.T @ left @ rest
         values: Any = np.linalg.eigvals(left) if left.size else []
+        balanced: Any = matrix_balance(left)[0] if left.size else left
         for value in map(complex, values):
+            from_axis = balanced - 1j * value.imag * np.eye(len(left))
+            distance = np.linalg.svd(from_axis, compute_uv=False)[-1]
+            if distance <= COMPUTED_ROUNDING * np.linalg.norm(balanced):
+                value = 1j * value.imag
             near = np.linalg.svd(self.A - value * np.eye(len(self.A)))[2][-1]
             found.append((value, int(np.argmax(np.abs(near)))))
         return sorted(found, key=lambda mode: (-mode[0].real, -mode[0].imag))

@@ -388,18 +388,18 @@ def _build(
     given = {key: _plain(value, file) for key, value in overrides.items() if value is not None}
     if not given:
         return scene
-    options = _overridden(data.get("simulation") or {}, given, file)
+    options = _overridden(data.get("simulation") or {}, given)
     return scene.model_copy(update={"simulation": options})
 
 
-def _overridden(own: Mapping[str, Any], given: dict[str, Any], file: str) -> SimulationOptions:
-    """The scene's `own` simulation values, replaced by the `given` ones."""
+def _overridden(own: Mapping[str, Any], given: dict[str, Any]) -> SimulationOptions:
+    """The scene's `own` simulation values, replaced by the `given` ones; errors name no file."""
     for key in given:
         if key not in OVERRIDES:
             message = f"unknown option; must be {one_of(key, OVERRIDES)}"
-            raise scene_error(message, ("override", key), file)
+            raise scene_error(message, (key,), "")
     merged = {key: value for key, value in own.items() if key not in _dropped(given)} | given
-    return validated(SimulationOptions, merged, file, "override")
+    return validated(SimulationOptions, merged, "")
 
 
 def _dropped(given: Mapping[str, Any]) -> set[str]:

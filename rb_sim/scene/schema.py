@@ -147,12 +147,16 @@ def _options_for(method: object) -> dict[str, float]:
     return {"tolerance": DEFAULT_TOLERANCE} if chosen_by_tolerance else {}
 
 
+MOST_RATE = 1e9
+"""Highest rate of samples [Hz]: stamps of messages are in whole nanoseconds."""
+
+
 class SimulationOptions(Spec):
     """Integration options. Exactly one of `step` and `tolerance` is set (the default included)."""
 
     duration: Positive = 10.0
     """simulated time [s]."""
-    rate: Positive = 100.0
+    rate: Annotated[Positive, Field(le=MOST_RATE)] = 100.0
     """samples per second [Hz]."""
     method: Method = "dopri853"
     """euler, rk4, dopri853, gauss6, radau5, taylor, time_stepping or auto."""

@@ -42,6 +42,7 @@ from rb_sim.motion.motion import (
 )
 from rb_sim.numerics.kernels import on_compilation, own_time
 from rb_sim.scene.compile import compile_scene
+from rb_sim.scene.schema import MOST_RATE
 from rb_sim.simulation.scene_in_motion import MOST_INPUTS, SceneInMotion, compiling
 from rb_sim.simulation.state_override import placement
 from rb_sim.simulation.trajectory import Trajectory
@@ -274,6 +275,8 @@ class Simulation(SceneInMotion):
         for name, value in (("duration", duration), ("rate", rate)):
             if not (is_finite(value) and value > 0.0):
                 raise RbSimError(f"{name}: got {value!r}; must be a finite number > 0")
+        if rate > MOST_RATE:
+            raise RbSimError(f"rate: got {rate!r}; must be a number <= {MOST_RATE:g}")
         return duration, rate
 
     def _blocks_at(self, times: Array) -> Iterator[SampleBlock]:

@@ -112,6 +112,8 @@ def test_slow_slips_of_a_box_are_told_with_the_method_that_steps_over_them() -> 
     }
     box = load_scene(scene)
     assert "try method time_stepping" in advice_for(box)
+    smooth = scene | {"constraints": {"floor": {"type": "contact", "body": "box"}}}
+    assert "try method time_stepping" in advice_for(load_scene(smooth))
     quick = load_scene(scene, method="time_stepping", step=1e-3)
     assert "time_stepping" not in advice_for(quick)
     assert "time_stepping" not in advice_for(load_scene("heavy_top"))

@@ -111,7 +111,6 @@ def test_fields_that_somebody_added_are_passed_over(tmp_path):
     ("fields", "line"),
     [
         ("std_msgs/Header header\n", "lacks pose"),
-        ("geometry_msgs/Pose pose\nstd_msgs/Header header\n", "has its fields in another order"),
         ("std_msgs/Header header\nOther pose\n", "does not define Other"),
     ],
 )
@@ -120,6 +119,20 @@ def test_a_schema_without_what_is_needed_is_refused_in_one_line(tmp_path, fields
     assert not list(readings.pieces())
     (note,) = [note for note in readings.notes if note.startswith("/body: skipped: ")]
     assert line in note and "\n" not in note
+
+
+def test_fields_in_another_order_are_read_as_what_they_are(tmp_path):
+    """A copy with w first, as many libraries have it, and the header and its frame last."""
+    pose = POSE.replace("float64 w 1\n", "").replace("float64 x 0\n", "float64 w\nfloat64 x\n")
+    stamp, frame = "builtin_interfaces/Time stamp\n", "string frame_id\n"
+    header = HEADER.replace(stamp + frame, frame + stamp)
+    schema = "geometry_msgs/Pose pose\nstd_msgs/Header header\n" + header + pose
+    values = (1.0, 2.0, 3.0, 0.8, 0.0, 0.6, 0.0)
+    data = struct.pack("<7d", *values) + struct.pack("<I4s", 4, b"map") + struct.pack("<iI", 7, 5)
+    readings = Readings(bag(tmp_path / "x.mcap", schema, [data]))
+    (piece,) = readings.pieces()
+    np.testing.assert_array_equal(piece.values[0, :7], (1.0, 2.0, 3.0, 0.0, 0.6, 0.0, 0.8))
+    assert piece.t[0] == pytest.approx(7.000000005)
 
 
 def test_single_precision_is_refused(tmp_path):

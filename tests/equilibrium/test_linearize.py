@@ -333,6 +333,39 @@ def test_a_double_zero_is_two_modes_and_states_are_of_the_body_named_first(first
     assert zero[0].state != zero[1].state
 
 
+@pytest.mark.parametrize("spin", [1.03, 96.7])
+@pytest.mark.parametrize("inertia", [[1.0, 1.0, 1.0], [1.0, 2.0, 2.9]])
+def test_a_free_body_that_spins_about_a_stable_axis_does_not_grow(
+    inertia: list[float], spin: float
+) -> None:
+    """In axes that turn with it, i w is a double eigenvalue of its free flight, with one mode."""
+    body = {"mass": 1.0, "inertia": inertia, "orientation": [0.3, -0.5, 0.1, 0.8]}
+    body["orientation"] = (np.array(body["orientation"]) / math.sqrt(0.99)).tolist()
+    body["angular_velocity"] = [0.0, 0.0, spin]
+    found = model({"bodies": {"b": body}}, "body")
+    values = found.eigenvalues
+    np.testing.assert_array_equal(values.real, 0.0)
+    np.testing.assert_allclose(np.sort(np.abs(values.imag))[-4:], spin, rtol=1e-6)
+
+
+def test_a_slow_growth_is_no_rounding() -> None:
+    """The upright pendulum under a pull of 1e-8 g grows at sqrt(1e-8 m g l / J)."""
+    rod = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0], "position": [0.0, 0.0, 1.0]}
+    scene = {
+        "bodies": {"rod": rod, "other": {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}},
+        "constraints": {
+            "hinge": {"type": "fixed_axis", "body": "rod", "axis_B": [0, 1, 0]}
+            | {"point_B": [0, 0, -1.0]}
+        },
+        "effects": {
+            "weight": {"type": "gravity", "acceleration": [0, 0, -1e-8 * G], "bodies": ["rod"]},
+            "spring": {"type": "spring", "body": "other", "stiffness": 100.0},
+        },
+    }
+    fastest = model(scene).eigenvalues[0]
+    np.testing.assert_allclose(fastest, math.sqrt(1e-8 * G / 2.0), rtol=1e-3)
+
+
 def test_a_real_mode_has_no_frequency() -> None:
     """A cart that drag brings to rest: lambda = 0 and about -c / (M + m)."""
     found = model(cart_pole("cart", drag=0.3))

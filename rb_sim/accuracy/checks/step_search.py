@@ -19,6 +19,7 @@ from rb_sim.accuracy.checks.check import below, steps_alone
 from rb_sim.accuracy.checks.check_list import CheckedSamples
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
+from rb_sim.catalogue.contact import Touching
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import ADVICE, Forecast
 from rb_sim.scene.schema import Scene
@@ -28,19 +29,16 @@ if TYPE_CHECKING:
 
 
 ADVICE_IN_CONTACT = (
-    "slow slips with friction keep the steps short at any tolerance; try method time_stepping, a "
-    "larger tolerance, or a shorter duration"
+    "contacts may keep the steps short at any tolerance; try method time_stepping, a larger "
+    "tolerance, or a shorter duration"
 )
 
 
 def advice_for(scene: Scene) -> str:
     """Advice for a run of the scene that takes too long."""
-    rubbing = any(
-        getattr(getattr(spec, "friction", None), "static", 0.0) > 0.0
-        for spec in scene.constraints.values()
-    )
+    touches = any(isinstance(spec, Touching) for spec in scene.constraints.values())
     adaptive = scene.simulation.step is None and scene.simulation.method != "auto"
-    return ADVICE_IN_CONTACT if rubbing and adaptive else ADVICE
+    return ADVICE_IN_CONTACT if touches and adaptive else ADVICE
 
 
 def forecast_for(

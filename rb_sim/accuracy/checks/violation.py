@@ -20,6 +20,7 @@ from rb_sim.accuracy.checks.check import Checker, CheckInput, Run
 from rb_sim.base.errors import Finding, RbSimError, SceneError
 from rb_sim.base.rounding import SOLVED, SOLVED_IN_CONTACT
 from rb_sim.catalogue.contact import Touching
+from rb_sim.catalogue.surfaces import BodySurface
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.scene.compile import compile_motion
@@ -147,8 +148,34 @@ def _whole_shapes(scene: Scene) -> Iterator[tuple[str, str, str | None, list[Any
         try:
             parts = list(spec.model_copy(update={"points": None}).parts(place))
         except (SceneError, ValueError):
-            continue  # this shape cannot touch this support
+            parts = []  # this shape cannot touch this support
+        if (
+            not parts
+            or shape.type == "box"
+            and isinstance(getattr(spec, "surface", None), BodySurface)
+        ):
+            # between the corners of a box as well, which may all slide along the sides of another
+            parts = list(spec.model_copy(update={"points": outline(shape)}).parts(place))
         yield name, spec.body, spec.parent, parts, DEEP * shape.reach
+
+
+def outline(shape: Any) -> Array:
+    """Points all over the surface of a shape, from the body origin, (26, 3) [m]: corners, middles
+    of edges and of faces of a box, and those of other shapes in the same directions."""
+    towards = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1.0
+    if shape.type == "box":
+        local = towards * (0.5 * np.array(shape.size))
+    elif shape.type in ("sphere", "ellipsoid"):
+        sizes = shape.radius if shape.type == "sphere" else np.array(shape.semi_axes)
+        local = sizes * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    else:
+        e = np.array(shape.axis_B)
+        along = (towards @ e)[:, None]
+        across = towards - along * e
+        size = np.linalg.norm(across, axis=1, keepdims=True)
+        radius, length = getattr(shape, "radius", None) or 0.0, getattr(shape, "length", 0.0)
+        local = radius * across / np.maximum(size, 1e-12) + 0.5 * length * np.sign(along) * e
+    return np.array(shape.center_B) + local
 
 
 def _depth(row: Any, t: float, B: BodyState, A: BodyState) -> float:

@@ -153,8 +153,7 @@ def with_changes(
 
 def of_option(error: SceneError) -> RbSimError:
     """The error of a scene, or of the option that replaces a value of it."""
-    section, _, name = error.key.partition(".")
-    return RbSimError(f"--{name}: {error.message}") if section == "override" else error
+    return error if error.file else RbSimError(f"--{error}")
 
 
 def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
@@ -163,7 +162,7 @@ def scene_to_run(name_or_path: str, overrides: Mapping[str, Any]) -> Scene:
     A bag's scene runs as recorded (method, step, duration) unless an entry of `overrides` that is
     not None replaces a value; recorded commands are not applied.
 
-    Raises SceneError, with the key override.NAME for an invalid override; SinkError.
+    Raises SceneError, without a file for an invalid override; SinkError.
     """
     from rb_sim.scene.listing import find_scene
     from rb_sim.scene.load import load_scene, scene_from_mapping

@@ -195,3 +195,45 @@ def test_a_box_past_its_listed_corner_on_another_body():
     }
     (finding,) = found(scene, {})[1]
     assert finding.where == "on" and 0.0 < finding.figure < math.hypot(0.4, 0.2)
+
+
+TABLE = {"type": "weld", "body": "table"}
+LOG = {"type": "cylinder", "axis": [0, 1, 0], "radius": 0.3, "point": [0, 0, -0.3]} | {
+    "side": "outside"
+}
+FALLS = {
+    # body, its listed points, support: by its whole shape the body cannot touch it, or slides past
+    "cylinder on a box": ("cylinder", [[0.2, 0, -0.2]], {"type": "shape"}),
+    "cylinder on a log": ("cylinder", [[0.2, 0, -0.2]], LOG),
+    "box on an equal box": (
+        "box",
+        [[x, y, -0.1] for x in (-1, 1) for y in (-1, 1)],
+        {"type": "shape"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FALLS)
+@pytest.mark.parametrize("method", METHODS[:1])
+def test_a_shape_in_a_support_that_only_its_listed_points_touch(name, method):
+    kind, points, surface = FALLS[name]
+    shapes = {
+        "cylinder": {"type": "cylinder", "radius": 0.2, "length": 0.4},
+        "box": {"type": "box", "size": [2.0, 2.0, 0.2]},
+    }
+    contact = {"type": "contact", "body": "b", "points": points, "surface": surface}
+    scene = {
+        "bodies": {
+            "table": {"mass": 5.0, "shape": {"type": "box", "size": [2, 2, 0.2]}}
+            | {"position": [0, 0, -0.1]},
+            "b": {"mass": 1.0, "shape": shapes[kind], "position": [0, 0, 0.3]},
+        },
+        "constraints": {
+            "hold": TABLE,
+            "on": contact | ({} if surface is LOG else {"parent": "table"}),
+        },
+        "effects": {"w": {"type": "gravity"}},
+        "simulation": {"duration": 0.5, "rate": 100},
+    }
+    (finding,) = found(scene, method)[1]
+    assert finding.where == "on" and 0.0 < finding.figure < 0.4
