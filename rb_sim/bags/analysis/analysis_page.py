@@ -313,7 +313,7 @@ def _balances(found: Analysis) -> str:
         numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
         numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
         rows.append(_row([f"{what} [{unit}]", *numbers]))
-    heads = ["balance", "left", "of", "sampling error", "noise up to"]
+    heads = ["balance", "error", "relative to", "sampling error", "noise"]
     return _table("Balance errors", heads, rows) if rows else ""
 
 
