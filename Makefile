@@ -125,7 +125,7 @@ test-core: $(VENV)/.test
 
 # -n gives each worker its own ROS_DOMAIN_ID (tests/ros/conftest.py); each node is a process beside
 test-ros: $(VENV)/.test
-	$(VENV)/bin/python -m pytest -q -n $(WORKERS) tests/ros
+	$(VENV)/bin/python -m pytest -q -n $(WORKERS) --dist worksteal tests/ros
 
 # One process: a second would take as long to collect the tests as it takes of them.
 test-floor: .venv-floor/.made

@@ -39,6 +39,7 @@ from benchmarks.fuzz.random_scenes import scene as random_scene
 from benchmarks.known_motions import known_poses
 from rb_sim import Simulation, Trajectory
 from rb_sim.accuracy.checks.second_run import apart
+from rb_sim.accuracy.runs import poses_of
 from rb_sim.base.errors import RbSimError
 
 RIGHT, WRONG, GROSS, SAME = 1e-3, 1e-2, 0.1, 1e-4
@@ -81,13 +82,9 @@ def break_off(*_: Any) -> None:
     raise RbSimError(f"broken off after {LONGEST} s")
 
 
-def poses_of(run: Trajectory) -> np.ndarray:
-    return np.concatenate([run.block.position, run.block.orientation], axis=2)
-
-
 def difference(run: Trajectory, truth: np.ndarray, simulation: Any) -> float:
     """Largest pose error over the motion of the truth, poses (n, bodies, 7)."""
-    poses = poses_of(run)
+    poses = poses_of(run.block)
     if poses.shape != truth.shape:
         return math.inf
     return apart(run.t, poses, truth, simulation).relative
@@ -114,8 +111,8 @@ def truth_of(
     try:
         other, _ = ran(scene, tight | {"tolerance": 1e-11}, watched=False)
         slow = time.process_time() - began > SLOWEST
-        if not slow and difference(other, poses_of(run), simulation) <= SAME:
-            return poses_of(run), simulation
+        if not slow and difference(other, poses_of(run.block), simulation) <= SAME:
+            return poses_of(run.block), simulation
     except (RbSimError, ArithmeticError):
         pass
     counts["scenes without a known truth"] += 1

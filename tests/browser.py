@@ -38,7 +38,7 @@ def dom_of(page: Path, *options: str) -> str:
     command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",
                "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=10000",
                *options, page.as_uri()]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=240)
     return done.stdout
 
 

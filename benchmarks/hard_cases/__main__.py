@@ -22,9 +22,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.hard_cases.compare import rows_on_peers
+from benchmarks.hard_cases.compare import PeerRow, rows_on_peers, table_of
+from rb_sim.base.plain_data import write_json
 from rb_sim.cli.verbs.hard_cases import hard_cases, line
-from rb_sim.sweeps.hard_cases import Case, PeerRow, Row, number
+from rb_sim.sweeps.hard_cases import Case, Row, number
 
 
 def on_peers(case: Case, rows: Sequence[Row]) -> list[PeerRow]:
@@ -49,7 +50,18 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
-    return hard_cases(None, given.only, given.out, given.quick, beside=on_peers)
+    peers: list[PeerRow] = []
+    code = hard_cases(
+        None,
+        given.only,
+        given.out,
+        given.quick,
+        beside=lambda case, rows: peers.extend(on_peers(case, rows)),
+        below=lambda: table_of(peers),
+    )
+    if given.out is not None:
+        write_json([row._asdict() for row in peers], given.out / "hard-cases-peers.json")
+    return code
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ import importlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from rb_sim.scene.listing import find_scene
 from rb_sim.scene.load import load_scene
 from rb_sim.scene.schema import Scene
 from rb_sim.simulation.trajectory import Trajectory
-from rb_sim.sweeps.hard_cases import Case, Check, Outcome, PeerRow, Row, measure
+from rb_sim.sweeps.hard_cases import Case, Check, Outcome, Row, measure, number
 
 ENGINES = ("mujoco", "drake", "exudyn")
 
@@ -55,6 +55,51 @@ def judged_checks(case: Case, layout: SampleLayout) -> list[Check]:
         if (check.figure == "formula" and not any(r in check.formula for r in reactions))
         or check.figure == "energy"
     ]
+
+
+PEERS = """
+## Compared with other engines
+
+Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
+method (%s) at steps of a sample period down to 1/1024 of it; the row is the best step.
+Judged by the same formulas, or by the energy of the states it gives; checks of reactions or
+messages have no row, nor have cases with a part that an engine's description here lacks. *Better*
+and *equal* compare the figure with rb_sim's own, which is only as accurate as its case needs.
+
+| case | engine | figure | method | step [s] | is | bound | rb_sim | CPU [s] | verdict |
+|---|---|---|---|---|---|---|---|---|---|
+"""
+
+
+class PeerRow(NamedTuple):
+    """The best result of another engine for one check of a case."""
+
+    case: str
+    engine: str
+    check: str
+    method: str
+    step: float
+    figure: float
+    bound: float
+    ours: float
+    """rb_sim's best figure."""
+    seconds: float
+    """CPU time of that run."""
+    verdict: str
+
+
+def table_of(peers: Sequence[PeerRow]) -> str:
+    """The table of other engines; "" without rows."""
+    if not peers:
+        return ""
+    engines = dict.fromkeys(row.engine for row in peers)
+    lines = [
+        f"| {row.case} | {row.engine} | {row.check} | {row.method} | {row.step:.2g} "
+        f"| {number(row.figure)} | {row.bound:.2g} | {number(row.ours)} | {row.seconds:.2g} "
+        f"| {row.verdict} |\n"
+        for row in peers
+    ]
+    return PEERS % ", ".join(engines) + "".join(lines)
 
 
 def rows_on_peers(case: Case, ours: Sequence[Row]) -> Iterator[PeerRow]:

@@ -7,7 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Results of a ladder, and errors of reactions at rest: terminal tables, JSON, accuracy.png.
+"""Results of a ladder, and the balance of reactions at rest: terminal tables, JSON, accuracy.png.
 
 The picture shows the error in pose, in reaction, and the energy drift against CPU time.
 """
@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import math
 import platform
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -33,8 +32,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rb_sim.accuracy.choice import Setting
-from rb_sim.accuracy.closed_forms.at_rest import ExactReactions, exact_reactions
 from rb_sim.accuracy.ladder import OUT_OF_TIME, Accuracy, Ladder, Rung
+from rb_sim.accuracy.runs import cpu_time
 from rb_sim.base.palette import FAINT, GRID, TEXT, of_method
 from rb_sim.base.plain_data import finite
 from rb_sim.equilibrium.equilibrium import eliminate
@@ -264,7 +263,7 @@ def _rung(rung: Rung) -> dict[str, Any]:
 # How exact the reactions of bodies at rest are, and what they cost.
 #
 # Nothing is integrated, so there is no ladder: what is left of the balance of forces and torques,
-# the error against a closed form where one is known, and the time of the solution.
+# the bound of the solver, and the time of the solution.
 
 
 SPELL = 0.2
@@ -280,8 +279,6 @@ class Answer:
     """largest residual of a body's force balance; nan without equilibrium."""
     torques: float
     """largest residual of a body's torque balance, divided by the largest lever arm."""
-    error: float
-    """largest difference from the closed form, of a support or a range; nan without one."""
     cost: float
     """CPU time of one solution [s]."""
 
@@ -292,7 +289,6 @@ class StaticsAccuracy:
 
     scene: str
     result: StaticsResult
-    exact: ExactReactions | None
     load: float
     """largest force, or torque divided by `lever` [N]."""
     lever: float
@@ -301,10 +297,10 @@ class StaticsAccuracy:
 
 
 def measure(scene: Scene, spell: float = SPELL) -> StaticsAccuracy:
-    """Solve the scene, compare it with its closed form, and time it for `spell` [s]."""
+    """Solve the scene, measure the balance of its bodies, and time it for `spell` [s]."""
     system = at_rest(scene)
     load, lever = eliminate(system).force, system.lever
-    result, exact = solve(scene), exact_reactions(scene)
+    result = solve(scene)
     names = ["reactions" if result.reactions else "the verdict"]
     if result.reactions and not result.determinate:
         names.append("with their ranges")
@@ -312,64 +308,29 @@ def measure(scene: Scene, spell: float = SPELL) -> StaticsAccuracy:
         max((float(np.linalg.norm(part[i])) for part in result.balance.values()), default=math.nan)
         for i in (0, 1)
     )
-    errors = error_of_reactions(result, exact), error_of_ranges(result, exact)
     answers = tuple(
         Answer(
             name,
             force / load,
             torque / (load * lever),
-            error / load,
             cpu_time(lambda ranges=bool(i): solve(scene, ranges=ranges), spell),
         )
-        for i, (name, error) in enumerate(zip(names, errors, strict=False))
+        for i, name in enumerate(names)
     )
-    return StaticsAccuracy(scene.name, result, exact, load, lever, answers)
-
-
-def error_of_reactions(result: StaticsResult, exact: ExactReactions | None) -> float:
-    """Largest error of a support [N]; nan without a closed form."""
-    if exact is None or not result.reactions:
-        return math.nan
-    return max(
-        float(np.linalg.norm(result.reactions[name].force - force))
-        for name, force in exact.forces.items()
-    )
-
-
-def error_of_ranges(result: StaticsResult, exact: ExactReactions | None) -> float:
-    """Largest error of an end of a range of normal forces [N]; nan without a closed form."""
-    if exact is None or not exact.ranges or not result.reactions:
-        return math.nan
-    ends = ((result.ranges[name].along, span) for name, span in exact.ranges.items())
-    return max(
-        math.inf if found is None else float(np.abs(found - np.array(span)).max())
-        for found, span in ends
-    )
-
-
-def cpu_time(act: Callable[[], object], spell: float) -> float:
-    """Shortest CPU time of the calls within `spell` [s]; at least one is made."""
-    best, total = math.inf, 0.0
-    while True:
-        start = time.process_time()
-        act()
-        spent = time.process_time() - start
-        best, total = min(best, spent), total + max(spent, 1e-6)
-        if total >= spell:
-            return best
+    return StaticsAccuracy(scene.name, result, load, lever, answers)
 
 
 def print_statics(accuracy: StaticsAccuracy, console: Console) -> None:
-    """Print one line per quantity, then the closed form."""
+    """Print one line per quantity, then what they are."""
     title = f"{accuracy.scene}: accuracy and cost of the static reactions"
     console.print(Text(title, style="italic"))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("answer", no_wrap=True)
-    for heading in ("error", "left of\nforces", "left of\ntorques", "CPU s"):
+    for heading in ("left of\nforces", "left of\ntorques", "CPU s"):
         table.add_column(heading, justify="right", no_wrap=True, min_width=7)
     for answer in accuracy.answers:
-        errors = (answer.error, answer.forces, answer.torques)
-        table.add_row(answer.name, *map(figure, errors), f"{answer.cost:.1e}")
+        left = (answer.forces, answer.torques)
+        table.add_row(answer.name, *map(figure, left), f"{answer.cost:.1e}")
     console.print(table)
     for line in words(accuracy):
         console.print(Text(line))
@@ -384,16 +345,11 @@ def figure(value: float) -> str:
 
 def words(accuracy: StaticsAccuracy) -> list[str]:
     """Explanations of the measured quantities, one line each."""
-    result, exact = accuracy.result, accuracy.exact
+    result = accuracy.result
     if not result.reactions:
         return [result.explanation, "there are no reactions to measure"]
-    if exact is None:
-        error = "no closed form is known: only the balance of forces and torques is checked"
-    else:
-        error = f"error: against the closed form ({exact.name})"
     return [
         result.explanation,
-        error,
         f"relative to the largest load, {accuracy.load:.6g} N (torques: times the lever, "
         f"{accuracy.lever:.3g} m); the solver's own bound is {result.accuracy:.0e}",
         "nothing is integrated, so there is no step or tolerance to choose",
@@ -406,14 +362,12 @@ def statics_as_dict(accuracy: StaticsAccuracy) -> dict[str, Any]:
         "scene": accuracy.scene,
         "verdict": accuracy.result.verdict,
         "explanation": accuracy.result.explanation,
-        "reference": None if accuracy.exact is None else accuracy.exact.name,
         "largest_load_N": accuracy.load,
         "lever_m": accuracy.lever,
         "bound": accuracy.result.accuracy,
         "answers": [
             {
                 "name": answer.name,
-                "error": finite(answer.error),
                 "left_of_forces": finite(answer.forces),
                 "left_of_torques": finite(answer.torques),
                 "cpu_s": answer.cost,

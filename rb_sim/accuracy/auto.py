@@ -19,9 +19,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import fields
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -365,45 +363,20 @@ FOLDER = "auto"
 
 def remembered_choice(scene: Scene, compiled: Compiled) -> Choice:
     """The choice for this scene, from disk if it was made before with the same sources."""
-    path = place_of(scene, compiled)
-    known = read(path)
-    if known is not None:
-        return known
-    choice = choose(compiled, scene.simulation)
-    write(path, choice)
+    text = scene.model_dump_json(exclude={"description"}, warnings=False)
+    name = hashlib.sha256(f"{compiled.reduced} {text}".encode()).hexdigest()[:32]
+    folder = store.version_folder(FOLDER, shipped.digest())
+    choice = choice_in(store.read(folder, name))
+    if choice is None:
+        choice = choose(compiled, scene.simulation)
+        store.write(folder, name, json.dumps(choice.as_dict()).encode())
     return choice
 
 
-def place_of(scene: Scene, compiled: Compiled) -> Path | None:
-    """The file of the choice, named by a hash of the scene, in a folder named by a hash of the
-    sources; None if there is no writable cache."""
-    text = scene.model_dump_json(exclude={"description"}, warnings=False)
-    digest = hashlib.sha256(f"{compiled.reduced} {text}".encode())
-    folder = store.version_folder(FOLDER, shipped.digest())
-    return None if folder is None else folder / f"{digest.hexdigest()[:32]}.json"
-
-
-def read(path: Path | None) -> Choice | None:
-    """The choice in the file; None if there is none or it cannot be read."""
-    if path is None:
-        return None
+def choice_in(data: bytes | None) -> Choice | None:
+    """The choice in a file; None if there is none or it cannot be read."""
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        known: dict[str, Any] = {field.name: values[field.name] for field in fields(Choice)}
-        known["errors"] = tuple(known["errors"])
-        return Choice(**known)
-    except (OSError, ValueError, KeyError, TypeError):
+        values = json.loads(data or b"")
+        return Choice(**values | {"errors": tuple(values["errors"])})
+    except (ValueError, KeyError, TypeError):
         return None
-
-
-def write(path: Path | None, choice: Choice) -> None:
-    """Write the choice; if the folder cannot be written, the next run makes it again."""
-    if path is None:
-        return
-    part = path.with_name(f"{path.name}.{id(choice)}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(choice.as_dict()), encoding="utf-8")
-        part.replace(path)  # another process may write the same
-    except OSError:
-        return

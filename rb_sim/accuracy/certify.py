@@ -40,6 +40,7 @@ from rb_sim.accuracy.runs import (
     parts,
     pose_difference,
     sample_times,
+    samples_of,
     sizes_of,
 )
 from rb_sim.base.plain_data import finite
@@ -407,8 +408,7 @@ def largest(errors: Array) -> tuple[float, ...]:
 
 def shares(errors: Array, size: Array, rows: Array, runner: Runner) -> Array:
     """Error of the pose at each instant [rad, or relative to the displacement], (n,)."""
-    bodies = len(runner.compiled.layout.bodies)
-    places = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, 0:3]
+    places = samples_of(rows, runner.compiled.layout).position
     still = COMPUTED_ROUNDING * float(np.nan_to_num(np.abs(places)).max(initial=0.0))
     way = size[POSITION] if size[POSITION] > still else math.inf
     with np.errstate(invalid="ignore"):  # infinite errors of a motion that no run has resolved

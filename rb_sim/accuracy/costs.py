@@ -24,7 +24,7 @@ import numpy as np
 
 from rb_sim.accuracy.auto import remembered_choice
 from rb_sim.accuracy.choice import Choice, Setting, dividing
-from rb_sim.accuracy.runs import BALANCE
+from rb_sim.accuracy.runs import cpu_time, samples_of
 from rb_sim.base.errors import RbSimError, SimulationError
 from rb_sim.catalogue.constraints import SPECS as CONSTRAINTS
 from rb_sim.catalogue.constraints.rows import COUNT
@@ -47,7 +47,7 @@ SPELL = 1e-3
 """Approximate CPU time of one measurement [s]."""
 
 REPEATS = 4
-"""Number of measurements of which the least counts."""
+"""Number of spells of which the shortest time counts."""
 
 ROUNDS = 31
 """Maximum number of rounds; each measures all variants, and the median over the rounds counts."""
@@ -222,28 +222,28 @@ def interleaved(
             break
         for motion, result in zip(motions, results, strict=True):
             if motion is not None:
-                repeats = 1 if late else REPEATS
-                result.append(
-                    min(nanoseconds(motion, step, count, stretch) for _ in range(repeats))
-                )
+                spell = SPELL if late else REPEATS * SPELL
+                result.append(nanoseconds(motion, step, count, stretch, spell))
     return [np.array(result) if result else None for result in results]
 
 
-def nanoseconds(motion: Motion, step: float, count: int, stretch: Stretch | None = None) -> float:
-    """CPU time of one step [ns], from runs over `count` steps [s] repeated until SPELL is filled.
+def nanoseconds(
+    motion: Motion,
+    step: float,
+    count: int,
+    stretch: Stretch | None = None,
+    spell: float = SPELL,
+) -> float:
+    """Shortest CPU time of one step [ns], from runs over `count` steps [s] within `spell` [s].
 
     An adaptive method may take another number of steps without the part; the time for the same
     interval counts.
     """
-    total, steps = 0.0, 0
-    while total < SPELL:
-        begin(motion, stretch)
-        end = motion.time + count * step
-        start = time.process_time()
-        motion.run_to([end])
-        total += time.process_time() - start
-        steps += count
-    return 1e9 * total / steps
+
+    def run() -> None:
+        motion.run_to([motion.time + count * step])
+
+    return 1e9 * cpu_time(run, spell, lambda: begin(motion, stretch)) / count
 
 
 def cost_of_events(
@@ -253,14 +253,13 @@ def cost_of_events(
     if seen.events is None:
         return None
     motion = motion_of(compiled, setting.build(duration))
-    spent = [seen.seconds]
-    while len(spent) < REPEATS and sum(spent) < LONGEST_RUN:
-        motion.reset()
-        start = time.process_time()
-        motion.run_to([seen.reached])
-        spent.append(time.process_time() - start)
+    spell = min(REPEATS * seen.seconds, LONGEST_RUN - seen.seconds)
+    shortest = seen.seconds
+    if spell > seen.seconds:
+        again = cpu_time(lambda: motion.run_to([seen.reached]), spell, motion.reset)
+        shortest = min(shortest, again)
     count = len(seen.events)
-    beside = 1e9 * min(spent) - step * (seen.steps + seen.rejected)
+    beside = 1e9 * shortest - step * (seen.steps + seen.rejected)
     return Events(count, max(beside, 0.0) / count if count else 0.0)
 
 
@@ -502,5 +501,5 @@ def parted(motion: Motion | None, other: Motion | None) -> bool:
     """Whether two variants with the same contacts end with different states of these."""
     if not isinstance(motion, ContactMotion) or not isinstance(other, ContactMotion):
         return False
-    states = 13 * len(motion.layout.bodies) + 9 * len(motion.layout.reactions) + BALANCE + 1
-    return not np.array_equal(motion.sample()[0][states:], other.sample()[0][states:])
+    one, two = (samples_of(m.sample()[0][None], m.layout).contact_state for m in (motion, other))
+    return not np.array_equal(one, two)

@@ -7,12 +7,7 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Runs of a compiled scene under different settings: their samples, errors and costs.
-
-A row of samples has 13 numbers per body (position, quaternion, velocities), 9 per reaction (force,
-torque, anchor), then kinetic and potential energy, power, momenta and residual; with contacts,
-their work and states follow.
-"""
+"""Runs of a compiled scene under different settings: their samples, errors and costs."""
 
 from __future__ import annotations
 
@@ -36,15 +31,18 @@ from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.choose_motion import motion_of
 from rb_sim.mechanics.compiled import Compiled
 from rb_sim.mechanics.methods import METHODS
-from rb_sim.mechanics.samples import Array, Indices, SampleLayout, row_width
+from rb_sim.mechanics.samples import (
+    Array,
+    Indices,
+    SampleBlock,
+    SampleLayout,
+    block_of,
+    row_width,
+)
 from rb_sim.mechanics.system import CONFIGURATION
 from rb_sim.motion.motion import Motion, nothing
 from rb_sim.numerics.rotations import angle_between
 from rb_sim.scene.schema import SimulationOptions
-
-BALANCE = 10
-"""Numbers of a row after the reactions, without the work and states of contacts."""
-
 
 JUMPS = 0.05
 """Two runs of the same motion give an event slightly different times. Up to this share of the
@@ -120,24 +118,37 @@ def distances(rows: Array, others: Array, layout: SampleLayout) -> Array:
     return apart
 
 
+MOTION = (
+    "position", "orientation", "linear_velocity", "angular_velocity", "reaction_force",
+    "reaction_torque",
+)  # fmt: skip
+"""Fields of a block of samples, in the order of the columns of `distances`."""
+
+
+def samples_of(rows: Array, layout: SampleLayout) -> SampleBlock:
+    """The samples in rows, without times and commands."""
+    n = len(rows)
+    return block_of(np.zeros(n), rows, layout, np.zeros((n, len(layout.commanded), 6)))
+
+
 def parts(rows: Array, layout: SampleLayout) -> list[Array]:
-    """Position, quaternion, velocities, force and torque, each (n, bodies or reactions, k)."""
-    bodies, reactions = len(layout.bodies), len(layout.reactions)
-    body = rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)
-    reaction = rows[:, 13 * bodies : 13 * bodies + 9 * reactions]
-    reaction = reaction.reshape(len(rows), reactions, 9)
-    columns = [slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)]
-    held = [reaction[:, :, 0:3], reaction[:, :, 3:6]]
-    return [body[:, :, part] for part in columns] + held
+    """The quantities of MOTION, each (n, bodies or reactions, k)."""
+    block = samples_of(rows, layout)
+    return [getattr(block, name) for name in MOTION]
+
+
+def poses_of(block: SampleBlock) -> Array:
+    """Position and quaternion of each body, (n, bodies, 7)."""
+    return np.concatenate([block.position, block.orientation], axis=2)
 
 
 def across_an_event(rows: Array, others: Array, layout: SampleLayout) -> Indices:
     """Indices of the instants that lie between the times that two runs give the same event."""
     if not layout.contacts:
         return np.zeros(0, dtype=np.intp)
-    states = 13 * len(layout.bodies) + 9 * len(layout.reactions) + BALANCE + 1
     finite = np.isfinite(rows).all(axis=1) & np.isfinite(others).all(axis=1)
-    apart = np.flatnonzero((rows[:, states:] != others[:, states:]).any(axis=1) & finite)
+    one, two = (samples_of(each, layout).contact_state for each in (rows, others))
+    apart = np.flatnonzero((one != two).any(axis=1) & finite)
     return apart if len(apart) <= JUMPS * len(rows) else apart[:0]
 
 
@@ -162,11 +173,11 @@ def reaction_difference(rows: Array, reference: Array, layout: SampleLayout) -> 
 
 def _arm(reference: Array, layout: SampleLayout) -> float:
     """Largest distance from an anchor to its body's centre of mass [m]."""
-    body = [layout.bodies.index(name) for name in layout.reaction_bodies]
-    at = 13 * len(layout.bodies)
-    centres = reference[:, :at].reshape(len(reference), -1, 13)[:, body, 0:3]
-    reactions = reference[:, at : at + 9 * len(body)].reshape(len(reference), -1, 9)
-    return float(np.linalg.norm(reactions[:, :, 6:9] - centres, axis=2).max())
+    body, block = (
+        [layout.bodies.index(n) for n in layout.reaction_bodies],
+        samples_of(reference, layout),
+    )
+    return float(np.linalg.norm(block.anchor - block.position[:, body], axis=2).max())
 
 
 def energy_difference(rows: Array, reference: Array, layout: SampleLayout) -> Array:
@@ -175,16 +186,15 @@ def energy_difference(rows: Array, reference: Array, layout: SampleLayout) -> Ar
     In a conservative scene the reference has constant energy, and this is the drift. The work of
     contacts is subtracted: it jumps at impacts, whose times differ slightly between the two runs.
     """
-    at = 13 * len(layout.bodies) + 9 * len(layout.reactions)
-    total, true = balance_of(rows, at, layout), balance_of(reference, at, layout)
-    scale = max(reference[:, at].max(), np.ptp(reference[:, at + 1]), np.finfo(float).tiny)
-    return np.nan_to_num(np.abs(total - true) / scale, nan=np.inf, posinf=np.inf)
+    run, true = samples_of(rows, layout), samples_of(reference, layout)
+    error = (run.energy - run.contact_work) - (true.energy - true.contact_work)
+    scale = max(exchanged_energy(true), np.finfo(float).tiny)
+    return np.nan_to_num(np.abs(error) / scale, nan=np.inf, posinf=np.inf)
 
 
-def balance_of(rows: Array, at: int, layout: SampleLayout) -> Array:
-    """Kinetic plus potential energy minus the work of contacts [J]; at: column of the first."""
-    total = rows[:, at] + rows[:, at + 1]
-    return total - rows[:, at + BALANCE] if layout.contacts else total
+def exchanged_energy(block: SampleBlock) -> float:
+    """Largest kinetic energy, or range of the potential energy, of a motion [J]."""
+    return float(max(block.kinetic_energy.max(), np.ptp(block.potential_energy)))
 
 
 def compare(rows: Array, reference: Array, layout: SampleLayout) -> Errors:
@@ -263,14 +273,14 @@ def sizes_of(rows: Array, compiled: Compiled) -> Array:
     1 for quaternions, for vectors that stay zero, and for reduced coordinates. rows: samples of the
     run. A body that swings by a nanometre thus gets perturbations of that size.
     """
-    n, bodies = len(compiled.y), len(compiled.layout.bodies)
+    n = len(compiled.y)
     sizes = np.ones(n)
     if compiled.reduced and (n != BODY or CONFIGURATION.get(type(compiled.system)) != PLACES):
         return sizes
-    states = rows[:, : BODY * bodies].reshape(len(rows), bodies, BODY)
-    for part in (slice(0, 3), slice(7, 10), slice(10, 13)):
+    motion = parts(rows, compiled.layout)
+    for k, part in ((0, slice(0, 3)), (2, slice(7, 10)), (3, slice(10, 13))):
         with np.errstate(all="ignore"):
-            largest = np.nan_to_num(np.linalg.norm(states[:, :, part], axis=2)).max(axis=0)
+            largest = np.nan_to_num(np.linalg.norm(motion[k], axis=2)).max(axis=0)
         for i in np.flatnonzero(largest):
             sizes[BODY * i + part.start : BODY * i + part.stop] = largest[i]
     return sizes
@@ -518,20 +528,33 @@ class Runner:
         self._allowed = math.inf
         if not motion.event_driven:
             motion.watch = nothing
-        best, total, batch = math.inf, 0.0, 1
-        while True:
-            cpu = sum(self._one(motion) for _ in range(batch)) / batch
-            best, total = min(best, cpu), total + cpu * batch
-            if total >= budget or not math.isfinite(cpu):
-                return best / self.duration
-            batch = max(1, min(1000, int(EXPENSIVE / max(cpu, 1e-7))))
 
-    def _one(self, motion: Motion) -> float:
-        """CPU time of one run without samples [s]; infinite if it fails."""
-        motion.reset()
-        self._begun, start = time.perf_counter(), time.process_time()
-        try:
+        def run() -> None:
+            self._begun = time.perf_counter()
             motion.run_to([self.duration])
+
+        try:
+            return cpu_time(run, budget, motion.reset) / self.duration
         except SimulationError:
             return math.inf
-        return time.process_time() - start
+
+
+def cpu_time(
+    act: Callable[[], object], spell: float, before: Callable[[], object] = nothing
+) -> float:
+    """Shortest CPU time of the calls within `spell` [s]; at least one is made.
+
+    Of short calls the mean of several counts as one. before: called before each, not timed.
+    """
+    best, total, batch = math.inf, 0.0, 1
+    while True:
+        spent = 0.0
+        for _ in range(batch):
+            before()
+            start = time.process_time()
+            act()
+            spent += time.process_time() - start
+        best, total = min(best, spent / batch), total + max(spent, 1e-6)
+        if total >= spell:
+            return best
+        batch = max(1, min(1000, int(EXPENSIVE * batch / max(spent, 1e-7))))

@@ -228,14 +228,6 @@ def _text(name: Any) -> Any:
     return name
 
 
-def _unit_vector(vector: tuple[float, ...]) -> tuple[float, ...]:
-    return _normalised(vector, "a direction: 3 numbers, not all zero")
-
-
-def _unit_quaternion(quaternion: tuple[float, ...]) -> tuple[float, ...]:
-    return _normalised(quaternion, "a quaternion [x, y, z, w], not all zero")
-
-
 # An own constraint for each type instead of a shared Field(): pydantic 2.7 writes the default of
 # one field into the Field that it shares with all others.
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
@@ -285,7 +277,9 @@ Positive3 = Annotated[
     BeforeValidator(_listed("3 numbers [x, y, z] > 0", 3)),
 ]
 """Three numbers > 0."""
-UnitVector3 = Annotated[Vector3, AfterValidator(_unit_vector)]
+UnitVector3 = Annotated[
+    Vector3, AfterValidator(partial(_normalised, what="a direction: 3 numbers, not all zero"))
+]
 """A direction; any length but zero is accepted and normalised."""
 Numbers = Annotated[
     tuple[Finite, ...], Strict(False), BeforeValidator(_listed("a list of numbers"))
@@ -362,7 +356,7 @@ def _from_axis_angle(value: Any) -> Any:
 UnitQuaternion = Annotated[
     tuple[Finite, Finite, Finite, Finite],
     Strict(False),
-    AfterValidator(_unit_quaternion),
+    AfterValidator(partial(_normalised, what="a quaternion [x, y, z, w], not all zero")),
     BeforeValidator(_from_axis_angle),
 ]
 """Rotation [x, y, z, w], normalised; also read from {axis: [x, y, z], angle: rad}."""

@@ -172,7 +172,7 @@ def pairs_of(
         flat = shape.type == "cylinder" and opens_rigidly if lies_flat is None else lies_flat
         rims_of_points = [
             rim_points(rim, shape, support, RIM_POINTS if flat else 1)
-            for rim in RIMS[shape.type](centre, shape)
+            for rim in rims_of(centre, shape)
         ]
         low, others = [p[0] for p in rims_of_points], [p[1:] for p in rims_of_points]
         return [*low, *chain.from_iterable(others)]
@@ -269,18 +269,16 @@ def ellipsoid_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTup
     return all_or_none([smooth_on(support, EllipsoidSurface(centre, shape.semi_axes))])
 
 
-def disk_rims(centre: Vec3, shape: Any) -> list[Vec3]:
-    """Centre of the rim of a disk."""
-    return [centre]
+RIMS = ("disk", "cylinder")
+"""Shapes with rims."""
 
 
-def cylinder_rims(centre: Vec3, shape: Any) -> list[Vec3]:
-    """Centres of the two rims of a cylinder."""
+def rims_of(centre: Vec3, shape: Any) -> list[Vec3]:
+    """Centres of the rims of a disk or a cylinder."""
+    if shape.type == "disk":
+        return [centre]
     half = scale(0.5 * shape.length, shape.axis_B)
     return [add(centre, half), sub(centre, half)]
-
-
-RIMS = {"disk": disk_rims, "cylinder": cylinder_rims}
 
 
 def rim_points(centre: Vec3, shape: Any, support: Flat, count: int) -> list[NamedTuple]:
@@ -301,7 +299,7 @@ def rim_pairs(centre: Vec3, shape: Any, support: Support) -> list[NamedTuple] | 
     touch with its side."""
     if shape.type == "cylinder" and isinstance(support, Round) and support.side > 0.0:
         return None
-    centres = RIMS[shape.type](centre, shape)
+    centres = rims_of(centre, shape)
     if isinstance(support, Round) and support.axis_A is not None:
         cylinder = support.r_A, support.axis_A, support.radius, support.side
         found: list[NamedTuple] = [

@@ -20,6 +20,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -209,23 +210,28 @@ app = typer.Typer(
 
 
 def verb(
-    options: type | None = None, **settings: Any
-) -> Callable[[Callable[..., int | None]], Callable[..., None]]:
-    """Decorator that registers a function as a verb: it returns the exit code; RbSimError becomes
-    one line.
+    place: str, options: type | None = None, **settings: Any
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Decorator that registers a verb by its declaration: a function without a body, whose
+    docstring is the help and whose arguments are those of the function that does it, which is
+    imported when the verb is called and returns the exit code.
 
-    options: dataclass of the verb's arguments, which the function takes; None: it has them itself.
+    place: module of rb_sim.cli.verbs and name of that function. options: dataclass of the
+    arguments, which the function takes instead.
     """
+    module, _, name = place.partition(":")
 
-    def register(function: Callable[..., int | None]) -> Callable[..., None]:
-        @functools.wraps(function)
-        def call(*arguments: Any, **keywords: Any) -> None:
-            if options is not None:
-                arguments, keywords = (options(**keywords),), {}
-            raise typer.Exit(_exit_code(lambda: function(*arguments, **keywords)))
+    def register(declared: Callable[..., None]) -> Callable[..., None]:
+        def act(keywords: dict[str, Any]) -> int | None:
+            does = getattr(import_module(f"rb_sim.cli.verbs.{module}"), name)
+            return does(**keywords) if options is None else does(options(**keywords))
 
-        if options is not None:
-            call.__signature__ = inspect.signature(options, eval_str=True)  # type: ignore[attr-defined]
+        @functools.wraps(declared)
+        def call(**keywords: Any) -> None:
+            raise typer.Exit(_exit_code(lambda: act(keywords)))
+
+        signature = inspect.signature(declared if options is None else options, eval_str=True)
+        call.__signature__ = signature  # type: ignore[attr-defined]
         app.command(cls=PlainFlags, **settings)(call)
         return call
 
@@ -297,18 +303,15 @@ def common(
     """Options of the program itself."""
 
 
-@verb(opt.RunOptions)
-def run(options: opt.RunOptions) -> int:
+@verb("run:run", opt.RunOptions)
+def run() -> None:
     """Simulate a scene without ROS, record it, and print a summary with its accuracy.
 
     With --out, DIR gets bag/ (ROS 2, MCAP), recording.rrd (Rerun), plots.png and summary.json.
     """
-    from rb_sim.cli.verbs.run import run as run_scene
-
-    return run_scene(options)
 
 
-@verb()
+@verb("scenes:scenes")
 def scenes(
     folder: Annotated[
         Path | None,
@@ -320,22 +323,11 @@ def scenes(
     statics: Annotated[
         bool, typer.Option("--statics", help="List statics scenes (bodies at rest).")
     ] = False,
-) -> int:
+) -> None:
     """List the scenes that come with rb_sim, one line each, or print one (NAME --show)."""
-    from rb_sim.cli.verbs.scenes import scenes as list_them
-    from rb_sim.scene.listing import find_scene
-
-    if show:
-        if folder is None:
-            raise RbSimError("--show: got no scene; must be the NAME of a scene")
-        text = find_scene(str(folder)).read_text(encoding="utf-8")
-        print(text, end="" if text.endswith("\n") else "\n")
-        return 0
-
-    return list_them(folder, statics)
 
 
-@verb()
+@verb("scenes:layout")
 def layout(
     scene: opt.Scene,
     out: Annotated[
@@ -344,31 +336,25 @@ def layout(
             metavar="DIR", help="Folder for the layouts.", show_default="the current folder"
         ),
     ] = None,
-) -> int:
+) -> None:
     """Write layouts for Foxglove, RViz and PlotJuggler with the topics of a scene.
 
     They fit the node (rb_sim node SCENE) and the bags of rb_sim run SCENE.
     """
-    from rb_sim.cli.verbs.scenes import layout as write_layouts
-
-    return write_layouts(scene, out)
 
 
-@verb()
+@verb("scenes:warm")
 def warm(
     scene: Annotated[
         list[str] | None,
         typer.Argument(help="Scenes: files or names; default: all shipped ones."),
     ] = None,
     method: opt.Method = None,
-) -> int:
+) -> None:
     """Compile scenes in advance so that their first run starts at once."""
-    from rb_sim.cli.verbs.scenes import warm as warm_scenes
-
-    return warm_scenes(scene or [], method)
 
 
-@verb()
+@verb("replay:recover")
 def recover(
     bag: opt.Bag,
     directory: Annotated[
@@ -376,12 +362,10 @@ def recover(
     ] = None,
 ) -> None:
     """Repair a bag that is damaged or was not finished (process killed, disk full)."""
-    from rb_sim.cli.verbs.replay import recover as recover_bag
-
-    recover_bag(bag, directory)
 
 
 @verb(
+    "scenes:node",
     context_settings={
         "allow_extra_args": True,
         "ignore_unknown_options": True,
@@ -389,66 +373,49 @@ def recover(
     },
     options_metavar="",
 )
-def node(context: typer.Context, scene: opt.Scene) -> int:
+def node(context: typer.Context, scene: opt.Scene) -> None:
     """Simulate a scene as a ROS 2 node: SCENE [--ros-args -p NAME:=VALUE ...].
 
     Same as rb_sim_node; `rb_sim_node --help` lists the parameters.
     """
-    from rb_sim.ros.main import main as run_node
-    from rb_sim.scene.listing import find_scene
-
-    return run_node([str(find_scene(scene)), *context.args])
 
 
-@verb()
-def statics(
-    scene: opt.AnyScene,
-    out: opt.Out = None,
-    change: opt.Change = None,
-) -> int:
+@verb("statics:statics")
+def statics(scene: opt.AnyScene, out: opt.Out = None, changes: opt.Change = None) -> None:
     """Compute reactions of bodies at rest, their ranges if not unique, or why none exist.
 
     A scene of motion is taken at its initial pose, without velocities and commands.
     """
-    from rb_sim.cli.verbs.statics import statics as solve
-
-    return solve(scene, out, change or ())
 
 
-@verb()
-def explain(scene: opt.Scene, out: opt.Out = None, change: opt.Change = None) -> int:
+@verb("explain:explain")
+def explain(scene: opt.Scene, out: opt.Out = None, changes: opt.Change = None) -> None:
     """List the parts of a scene and the CPU time that each one costs."""
-    from rb_sim.cli.verbs.explain import explain as tell
-
-    return tell(scene, out, change or ())
 
 
-@verb()
+@verb("linearize:linearize")
 def linearize(
     scene: opt.Scene,
     at: opt.At = 0.0,
     axes: opt.Axes = "world",
     turning: opt.Turning = 0.0,
     out: opt.Out = None,
-    change: opt.Change = None,
-    json: Annotated[
+    changes: opt.Change = None,
+    as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON, including A, B, C and D, instead of tables.")
     ] = False,
-) -> int:
+) -> None:
     """Linearise a scene: A, B, C, D with names, eigenvalues, damping.
 
     With --out, DIR gets linear_model.npz with arrays for python-control, the poles as poles.png
     and, of a scene with commanded wrenches, the frequency responses as bode.png.
     """
-    from rb_sim.cli.verbs.linearize import linearize as tell
-
-    return tell(scene, at, axes, turning, out, json, change or ())
 
 
 # Verbs that run one or many scenes more than once.
 
 
-@verb()
+@verb("accuracy:of_scene")
 def accuracy(
     scene: opt.AnyScene,
     out: opt.Out = None,
@@ -463,24 +430,15 @@ def accuracy(
         float,
         typer.Option(metavar="SECONDS", help="Wall-clock time of all runs, without compiling."),
     ] = 60.0,
-    change: opt.Change = None,
-) -> int:
+    changes: opt.Change = None,
+) -> None:
     """Measure error against CPU time for each method on a scene.
 
     For a statics scene: the accuracy of its reactions.
     """
-    from rb_sim.cli.verbs.accuracy import accuracy as of_motion
-    from rb_sim.cli.verbs.accuracy import of_statics
-    from rb_sim.scene.listing import find_scene
-    from rb_sim.scene.load import is_statics
-
-    path = find_scene(scene)
-    if is_statics(path):
-        return of_statics(path, out, target, change or ())
-    return of_motion(path, out, target, budget, change or ())
 
 
-@verb(name="hard-cases")
+@verb("hard_cases:hard_cases", name="hard-cases")
 def hard_cases(
     folder: Annotated[
         Path | None, typer.Argument(help="Folder with your own cases; default: the shipped ones.")
@@ -493,17 +451,14 @@ def hard_cases(
     quick: Annotated[
         bool, typer.Option("--quick", help="Run only the cases that take a few seconds.")
     ] = False,
-) -> int:
+) -> None:
     """Run scenes that are hard to simulate and print the margin of each bound.
 
     With --out, DIR gets hard-cases.json, .md and .png. Exit code 1 if one fails.
     """
-    from rb_sim.cli.verbs.hard_cases import hard_cases as run_cases
-
-    return run_cases(folder, only or (), out, quick)
 
 
-@verb()
+@verb("sweep:of_arguments")
 def sweep(
     plan: Annotated[
         str,
@@ -535,25 +490,14 @@ def sweep(
             "--lanes/--no-lanes", help="Compute several runs at once with vector instructions."
         ),
     ] = True,
-) -> int:
+) -> None:
     """Run a scene many times with varied parameters; runs that DIR already contains are kept."""
-    from rb_sim.cli.verbs import sweep as verbs
-
-    if plan == "list":
-        return verbs.sweep_plans()
-    if plan == "report":
-        if folder is None:
-            raise RbSimError("report: got no folder; must be the folder of a sweep (its --out)")
-        return verbs.sweep_report(folder)
-    if folder is not None:
-        raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
-    return verbs.sweep(plan, out, workers, scheduler, batch, lanes)
 
 
 # Verbs that read bags.
 
 
-@verb()
+@verb("replay:of_arguments")
 def replay(
     bag: opt.AnyBag,
     save: Annotated[
@@ -596,20 +540,11 @@ def replay(
         float | None,
         typer.Option(metavar="SECONDS", help="With --publish: start at this time of the run."),
     ] = None,
-) -> int:
+) -> None:
     """Show a bag in the Rerun viewer, save a picture or a film of it, or publish its topics."""
-    from rb_sim.cli.verbs.replay import PlayOptions, play
-    from rb_sim.cli.verbs.replay import replay as show
-
-    options = PlayOptions(rate, loop, start)
-    if publish:
-        return play(bag, options, alone=save is screenshot is video is scene is None)
-    options.refuse()
-    show(bag, save, screenshot, video, scene)
-    return 0
 
 
-@verb()
+@verb("replay:show")
 def show(
     source: Annotated[
         str,
@@ -632,49 +567,31 @@ def show(
 
     The page is one file under 3 MB that works without a network and without rb_sim.
     """
-    from rb_sim.cli.verbs.replay import show as write_page
-
-    write_page(source, save, browse=browse)
 
 
-@verb()
-def info(bag: opt.AnyBag, json: opt.Json = False) -> int:
+@verb("info:info")
+def info(bag: opt.AnyBag, as_json: opt.Json = False) -> None:
     """List the contents of a bag: scene, settings, versions, topics, rates, gaps, damage."""
-    from rb_sim.cli.verbs.info import info as tell
-
-    return tell(bag, json)
 
 
-@verb(opt.AnalyzeOptions)
-def analyze(options: opt.AnalyzeOptions) -> int:
+@verb("analyze:analyze", opt.AnalyzeOptions)
+def analyze() -> None:
     """Report rates, gaps, energy, momenta, wrenches and spectra of any bag with poses."""
-    from rb_sim.cli.verbs.analyze import analyze as read
-
-    return read(options)
 
 
-@verb(opt.ResimOptions)
-def resim(options: opt.ResimOptions) -> int:
+@verb("resim:resim", opt.ResimOptions)
+def resim() -> None:
     """Simulate a recorded run again: bit for bit the same, or with changes."""
-    from rb_sim.cli.verbs.resim import resim as again
-
-    return again(options)
 
 
-@verb(opt.CompareOptions)
-def compare(options: opt.CompareOptions) -> int:
+@verb("compare:compare", opt.CompareOptions)
+def compare() -> None:
     """Compare two motions: largest differences, when they begin, how fast they grow."""
-    from rb_sim.cli.verbs.compare import compare as beside
-
-    return beside(options)
 
 
-@verb(opt.FitOptions)
-def fit(options: opt.FitOptions) -> int:
+@verb("fit:fit", opt.FitOptions)
+def fit() -> None:
     """Fit parameters of a scene to a recorded motion."""
-    from rb_sim.cli.verbs.fit import fit as solve
-
-    return solve(options)
 
 
 def main() -> None:

@@ -11,8 +11,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from types import FunctionType
 from typing import Any
 
@@ -35,61 +34,6 @@ from rb_sim.compiler.graph.machine import new_module, target_machine
 from rb_sim.compiler.shipped import Target
 from rb_sim.compiler.source import parameters_of, result_type, taken_apart
 from rb_sim.compiler.translate import AgainError, CompileError, Translation
-
-# LLVM IR with typed pointers for LLVM 14 (llvmlite up to 0.43, that of Ubuntu 24.04).
-#
-# Every pointer becomes one to bytes, and is cast where something is read or written.
-
-
-_TABLE = re.compile(
-    r"(@[\w.]+) = (?:private unnamed_addr constant|internal global) (\[\d+ x \w+\])"
-)
-_PLACE = re.compile(r"( *)(%\S+) = getelementptr (\w+), ptr (\S+), i64 (\S+)$")
-_SLOT = re.compile(r"( *)(%\S+) = alloca (\w+), align (\d+)$")
-_LOAD = re.compile(r"( *)(%\S+) = load (\w+), ptr (\S+), (.*)$")
-_STORE = re.compile(r"( *)store (\w+) (\S+), ptr (\S+), (.*)$")
-_CALL = re.compile(r"( *(?:%\S+ = )?)call (void|double) (%\S+)\((.*)\)$")
-
-
-def with_kinds(text: str) -> str:
-    """The module in the syntax of LLVM 14."""
-    tables = dict(_TABLE.findall(text))
-    lines = [out for n, line in enumerate(text.split("\n")) for out in _line(line, f"%k{n}")]
-    result = re.sub(r"\bptr\b", "i8*", "\n".join(lines))
-    result = result.replace(".p0.p0.i64", ".p0i8.p0i8.i64").replace(".p0.i64", ".p0i8.i64")
-    for name, kind in tables.items():
-        as_bytes = f"i8* bitcast ({kind.replace('ptr', 'i8*')}* {name} to i8*)"
-        result = re.sub(rf"i8\* {re.escape(name)}\b(?!\.)", as_bytes, result)
-    return result
-
-
-def _line(line: str, spare: str) -> Iterator[str]:
-    """The line with the casts that it needs; spare: an unused name."""
-    if found := _PLACE.match(line):
-        indent, name, kind, place, index = found.groups()
-        yield f"{indent}{spare} = bitcast ptr {place} to {kind}*"
-        yield f"{indent}{spare}.at = getelementptr {kind}, {kind}* {spare}, i64 {index}"
-        yield f"{indent}{name} = bitcast {kind}* {spare}.at to ptr"
-    elif found := _SLOT.match(line):
-        indent, name, kind, align = found.groups()
-        yield f"{indent}{spare} = alloca {kind}, align {align}"
-        yield f"{indent}{name} = bitcast {kind}* {spare} to ptr"
-    elif found := _LOAD.match(line):
-        indent, name, kind, place, rest = found.groups()
-        yield f"{indent}{spare} = bitcast ptr {place} to {kind}*"
-        yield f"{indent}{name} = load {kind}, {kind}* {spare}, {rest}"
-    elif found := _STORE.match(line):
-        indent, kind, value, place, rest = found.groups()
-        yield f"{indent}{spare} = bitcast ptr {place} to {kind}*"
-        yield f"{indent}store {kind} {value}, {kind}* {spare}, {rest}"
-    elif found := _CALL.match(line):
-        begin, result, callee, arguments = found.groups()
-        kinds = ", ".join(argument.split()[0] for argument in arguments.split(", "))
-        yield f"  {spare} = bitcast ptr {callee} to {result} ({kinds})*"
-        yield f"{begin}call {result} {spare}({arguments})"
-    else:
-        yield line
-
 
 LEVEL = 2
 """Optimisation level of LLVM."""
@@ -295,7 +239,7 @@ def object_code(text: str, target: Target | None = None) -> bytes:
     Raises CompileError for a call of a function that is not in KNOWN.
     """
     machine = target_machine(LEVEL) if target is None else target.machine(LEVEL)
-    module = new_module(text if llvm.llvm_version_info[0] > 14 else with_kinds(text))
+    module = new_module(text)
     if target is not None:
         module.triple, module.data_layout = target.triple, str(machine.target_data)
     _optimise(module, machine)

@@ -179,29 +179,17 @@ def solve_in(workspace, n, m, A, b, terms, x):
 
 CANDIDATE, PRESSED = 1, 2
 """Participation of a contact: rigid, or on a compliant support with a given normal force."""
-EASED = 1e-8
-"""Fraction by which all friction bounds are lowered once one is reached: contacts that share a
-load, such as the two ends of an edge, then begin to slip together and in the same direction."""
 LEAST_BOUND = 1e-300
 """Smallest bound of friction of a sticking contact, so that its slip has a direction."""
-
-
-def easing(workspace):
-    """Factor of all friction bounds at rest, see EASED."""
-    for c in range(workspace.moved.shape[0]):
-        for way in range(3):
-            if workspace.moved[c, way] == 1:
-                return 1.0 - EASED
-    return 1.0
 
 
 def lay_out_forces(system, workspace):
     """Write the active rows and their laws: slipping contacts have friction in the normal row,
     compliant ones a given normal force. Returns (rows, bounds)."""
-    table, rules, ease = system.contact_table, workspace.contact_rules, easing(workspace)
+    table, rules = system.contact_table, workspace.contact_rules
     for c in range(table.shape[0]):
         pressed = workspace.taking_part[c] == PRESSED
-        normal = ease * table[c, SPRING] if pressed else ease
+        normal = table[c, SPRING] if pressed else 1.0
         slip = table[c, KINETIC] if workspace.moved[c, 0] == 1 else table[c, STATIC]
         rules[c, PART] = GIVEN if pressed else (FREE if workspace.taking_part[c] == 1 else APART)
         rules[c, PULLS] = table[c, BILATERAL]

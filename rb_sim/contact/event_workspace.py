@@ -12,14 +12,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from rb_sim.base.rounding import SOLVED
 from rb_sim.catalogue.contact import ContactLaw
 from rb_sim.catalogue.geometry.corners_and_rims import ABSENT
-from rb_sim.contact.problem import RULES
+from rb_sim.contact.problem import RULES, tables_of, zeros_of
 from rb_sim.contact.problem import WIDTH as ROW_WIDTH
 from rb_sim.integrate.layout import INTEGER, REAL, Layout
 from rb_sim.mechanics.contact.contact_bodies import (
@@ -106,106 +106,72 @@ WAYS = 3
 
 
 class Workspace(NamedTuple):
-    """Tables of n rows, N bodies, C contacts; integers of a contact are 0 or 1."""
+    """Tables of the rows, bodies and contacts of a scene; integers of a contact are 0 or 1."""
 
-    all_rows: np.ndarray
-    """rows of joints and contacts, all closed and stuck, see `problem`, (n, ROW_WIDTH)."""
-    all_pushes: np.ndarray
+    all_rows: Annotated[np.ndarray, REAL, "rows", ROW_WIDTH]
+    """rows of joints and contacts, all closed and stuck, see `problem`."""
+    all_pushes: Annotated[np.ndarray, REAL, "rows", ROW_WIDTH]
     """force directions: as the rows, except for the normals of slipping contacts."""
-    row_bias: np.ndarray
-    row_rate: np.ndarray
-    """prescribed velocity along each row, J u = rate, (n,)."""
-    free_accelerations: np.ndarray
-    """accelerations by the loads alone, (N, 6)."""
-    impulses: np.ndarray
-    """of every row, (n,)."""
-    used: np.ndarray
+    row_bias: Annotated[np.ndarray, REAL, "rows"]
+    row_rate: Annotated[np.ndarray, REAL, "rows"]
+    """prescribed velocity along each row, J u = rate."""
+    free_accelerations: Annotated[np.ndarray, REAL, "bodies", 6]
+    """accelerations by the loads alone."""
+    impulses: Annotated[np.ndarray, REAL, "rows"]
+    """of every row."""
+    used: Annotated[np.ndarray, INTEGER, "rows"]
     """this and the following fields: see `problem.Laws`."""
-    place_of: np.ndarray
-    units: np.ndarray
-    rules: np.ndarray
-    least: np.ndarray
-    bounds: np.ndarray
-    limits: np.ndarray
-    moves: np.ndarray
-    contact_rules: np.ndarray
-    """of each contact, see `problem`, (C, RULES)."""
-    taking_part: np.ndarray
-    """participation: rigid contacts that touch (1), compliant ones with a force (2), (C,)."""
-    plastic: np.ndarray
-    """contacts without rebound, (C,)."""
-    together: np.ndarray
-    """contacts that do not separate in an impact, (C,)."""
-    rebounding: np.ndarray
-    """contacts that separate after an impact, (C,)."""
-    opened: np.ndarray
-    """contacts that must not close, (C,)."""
-    parted: np.ndarray
-    """contacts that opened while they slipped, (C,)."""
-    moved: np.ndarray
-    """contacts that have begun to slip, roll or spin, (C, 3)."""
-    bounces: np.ndarray
+    place_of: Annotated[np.ndarray, INTEGER, "rows"]
+    units: Annotated[np.ndarray, REAL, "rows"]
+    rules: Annotated[np.ndarray, INTEGER, "rows"]
+    least: Annotated[np.ndarray, REAL, "rows"]
+    bounds: Annotated[np.ndarray, INTEGER, "bounds", BOUND_WIDTH]
+    limits: Annotated[np.ndarray, REAL, "bounds"]
+    moves: Annotated[np.ndarray, INTEGER, "bounds", 2]
+    contact_rules: Annotated[np.ndarray, REAL, "contacts", RULES]
+    """of each contact, see `problem`."""
+    taking_part: Annotated[np.ndarray, INTEGER, "contacts"]
+    """participation: rigid contacts that touch (1), compliant ones with a force (2)."""
+    plastic: Annotated[np.ndarray, INTEGER, "contacts"]
+    """contacts without rebound."""
+    together: Annotated[np.ndarray, INTEGER, "contacts"]
+    """contacts that do not separate in an impact."""
+    rebounding: Annotated[np.ndarray, INTEGER, "contacts"]
+    """contacts that separate after an impact."""
+    opened: Annotated[np.ndarray, INTEGER, "contacts"]
+    """contacts that must not close."""
+    parted: Annotated[np.ndarray, INTEGER, "contacts"]
+    """contacts that opened while they slipped."""
+    moved: Annotated[np.ndarray, INTEGER, "contacts", WAYS]
+    """contacts that have begun to slip, roll or spin."""
+    bounces: Annotated[np.ndarray, INTEGER, "counts"]
     """number of successive bounces of each contact, then of all very low ones, (C + 1,)."""
-    rests: np.ndarray
-    """end of the series of bounces of each contact, see `impacts`, (C, 3)."""
-    before: np.ndarray
-    """modes before an event, (C, MODES_WIDTH)."""
-    undetermined: np.ndarray
+    rests: Annotated[np.ndarray, REAL, "contacts", 3]
+    """end of the series of bounces of each contact, see `impacts`."""
+    before: Annotated[np.ndarray, REAL, "contacts", MODES_WIDTH]
+    """modes before an event."""
+    undetermined: Annotated[np.ndarray, REAL, 7]
     """largest difference of the motions that the laws allow after an impact, relative to the
     largest velocity before it; the largest of the run, its time and contact; the same three for
     shares of a load, (7,)."""
-    notes: np.ndarray
+    notes: Annotated[np.ndarray, REAL, "notes", NOTE_WIDTH]
     """changes of contacts, (capacity, NOTE_WIDTH)."""
-    written: np.ndarray
+    written: Annotated[np.ndarray, INTEGER, 1]
     """number of notes, (1,)."""
 
 
-_FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
-    "all_rows": (REAL, ("rows", ROW_WIDTH)),
-    "all_pushes": (REAL, ("rows", ROW_WIDTH)),
-    "row_bias": (REAL, ("rows",)),
-    "row_rate": (REAL, ("rows",)),
-    "free_accelerations": (REAL, ("bodies", 6)),
-    "impulses": (REAL, ("rows",)),
-    "used": (INTEGER, ("rows",)),
-    "place_of": (INTEGER, ("rows",)),
-    "units": (REAL, ("rows",)),
-    "rules": (INTEGER, ("rows",)),
-    "least": (REAL, ("rows",)),
-    "bounds": (INTEGER, ("bounds", BOUND_WIDTH)),
-    "limits": (REAL, ("bounds",)),
-    "moves": (INTEGER, ("bounds", 2)),
-    "contact_rules": (REAL, ("contacts", RULES)),
-    "taking_part": (INTEGER, ("contacts",)),
-    "plastic": (INTEGER, ("contacts",)),
-    "together": (INTEGER, ("contacts",)),
-    "rebounding": (INTEGER, ("contacts",)),
-    "opened": (INTEGER, ("contacts",)),
-    "parted": (INTEGER, ("contacts",)),
-    "moved": (INTEGER, ("contacts", WAYS)),
-    "bounces": (INTEGER, ("counts",)),
-    "rests": (REAL, ("contacts", 3)),
-    "before": (REAL, ("contacts", MODES_WIDTH)),
-    "undetermined": (REAL, (7,)),
-    "notes": (REAL, ("notes", NOTE_WIDTH)),
-    "written": (INTEGER, (1,)),
-}
-"""Kind and lengths of each table."""
-WORKSPACE_LAYOUT = Layout({name: (kind, len(shape)) for name, (kind, shape) in _FIELDS.items()})
+WORKSPACE_LAYOUT = Layout(
+    {name: (number, len(shape)) for name, (number, *shape) in tables_of(Workspace).items()}
+)
 
 
 def workspace_for(system: ContactBodies) -> Workspace:
     """The workspace for a system."""
     rows, contacts = len(system.row_table), len(system.contact_table)
-    lengths = {
-        "rows": rows, "contacts": contacts, "bodies": len(system.bodies),
-        "bounds": WAYS * contacts, "counts": contacts + 1, "notes": 64 + 8 * contacts,
-    }  # fmt: skip
-    tables = {}
-    for name, (kind, shape) in _FIELDS.items():
-        sizes = [length if isinstance(length, int) else lengths[length] for length in shape]
-        tables[name] = np.zeros(sizes, np.int64 if kind == INTEGER else np.float64)
-    return Workspace(**tables)
+    return zeros_of(
+        Workspace, rows=rows, contacts=contacts, bodies=len(system.bodies), bounds=WAYS * contacts,
+        counts=contacts + 1, notes=64 + 8 * contacts,
+    )  # fmt: skip
 
 
 # Notes: changes of contacts, which `Journal` reads.

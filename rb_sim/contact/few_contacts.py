@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED, SOLVED_IN_CONTACT
-from rb_sim.contact.gauss_seidel import ROUGH, give_joints, is_plain, relax_joints, viscosity_of
+from rb_sim.contact.gauss_seidel import give_joints, is_plain, relax_joints, viscosity_of
 from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
@@ -36,12 +36,10 @@ from rb_sim.contact.problem import (
     ENOUGH,
     FINE,
     add_impulse,
-    arm_of,
     fill_column,
     fill_free,
     largest,
-    laws_for,
-    lay_out,
+    lay_out_graph,
     problem_of,
     rate_of,
 )
@@ -51,6 +49,7 @@ from rb_sim.numerics.complementarity import (
     UNILATERAL,
     equations,
     fill_steps,
+    natural_map,
     relative,
     row_times,
     solution,
@@ -168,9 +167,10 @@ def find_least(p, held, rules, b, x, work):
 
 
 def misfit(p, x, work):
-    """Residual of the laws at x, see complementarity.relative."""
-    n = p.n
-    return relative(p, equations(p, x, work, part(work, n), part(work, 2 * n)), x)
+    """Residual of the laws at x, see complementarity.relative; work: 2 n numbers."""
+    for k in range(p.n):
+        work[k] = row_times(p, k, x)
+    return relative(p, natural_map(p, x, work, part(work, p.n)), x)
 
 
 def largest_change(p, x, other):
@@ -255,20 +255,14 @@ def solve_few(graph, u, x, joints, slow, length, look):
     scene. Returns (natural map of the laws relative to the largest impulse, relative change of a
     velocity by other solutions if `look`, and a contact of these).
     """
-    contacts = graph.ends.shape[0]
-    laws = laws_for(CONTACT_ROWS * contacts, contacts)
-    ends, first = np.empty((CONTACT_ROWS * contacts, 2), np.int64), np.zeros(contacts + 1, np.int64)
-    for k in range(ends.shape[0]):
-        first[k // CONTACT_ROWS] = k // CONTACT_ROWS * CONTACT_ROWS
-        for j in range(2):
-            ends[k, j] = graph.ends[k // CONTACT_ROWS, j]
-    n, m = lay_out(graph.rows, graph.rules, first, arm_of(length), ROUGH, laws)
+    made = lay_out_graph(graph, length)
+    n, m, laws, ends, r = made.n, made.m, made.laws, made.ends, made.r
     if n == 0:
         return 0.0, 0.0, 0
     relax_joints(graph, u, joints)
-    alone, A, work = np.empty((n, n)), np.empty((n, n)), np.empty(n * (n + 2))
+    alone, A, work = np.empty((n, n)), np.empty((n, n)), np.empty(2 * n)
     b, terms, step, slack = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    r, found = np.empty(n), np.empty(n)
+    found = np.empty(n)
     fill_problem(graph, laws, ends, n, u, x, alone, b, terms, r)
     figure, of, rest = 0.0, 0, 0.0
     for _ in range(TURNS):

@@ -31,6 +31,7 @@ from rb_sim.contact.problem import (
     LIGHT_B,
     PULLS,
     ROLLS,
+    ROUGH,
     SPINS,
     TURN_A,
     TURN_B,
@@ -38,6 +39,7 @@ from rb_sim.contact.problem import (
     VISCOUS_PER_NORMAL,
     add_impulse,
     coupled,
+    largest,
     rate_of,
 )
 from rb_sim.numerics.rank import RANK_TOLERANCE
@@ -58,8 +60,6 @@ ROUNDS = 100
 """Maximum number of Newton steps or bisections for lambda; bisection alone ends within them."""
 EXACT = 1e-15
 """Largest distance of a reaction from its bound, relative to the reaction."""
-ROUGH = 1e8
-"""Largest coefficient of friction that is used."""
 
 
 def held_back(a, b, c, p, q, stiff):
@@ -376,16 +376,6 @@ def is_plain(graph):
     return plain
 
 
-def largest_of(x, joints):
-    """The largest |impulse| of contacts and joints."""
-    most = 0.0
-    for k in range(x.shape[0]):
-        most = max(most, abs(x[k]))
-    for k in range(joints.shape[0]):
-        most = max(most, abs(joints[k]))
-    return most
-
-
 def gauss_seidel(graph, u, x, joints, size, tolerance, sweeps):
     """Sweep until no impulse changes by more than `tolerance` of the largest, or `sweeps` times.
 
@@ -404,8 +394,8 @@ def gauss_seidel(graph, u, x, joints, size, tolerance, sweeps):
                 change = max(change, relax_cone(ends, rows, targets, rules, blocks, u, x, c))
             else:
                 change = max(change, relax(graph, u, x, c, size))
-        largest = largest_of(x, joints)
-        rest = change / largest if largest > 0.0 else 0.0
+        most = max(largest(x), largest(joints))
+        rest = change / most if most > 0.0 else 0.0
         if not rest > tolerance:
             break
     return rest, made

@@ -41,6 +41,7 @@ from rb_sim.contact.assembly import (
 from rb_sim.contact.event_workspace import (
     AMBIGUOUS,
     IMPACT,
+    JAMS,
     OF_ROUND,
     RESTS,
     TOUCHING,
@@ -75,6 +76,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     GAP,
     GAP_RATE,
     KINETIC,
+    NEAR_JAM,
     RESTITUTION,
     ROLLING_ARM,
     SPINNING_ARM,
@@ -173,14 +175,6 @@ def is_low(system, workspace, t, y, c):
     return fall > 0.0 and height < ZENO_HEIGHT * system.length * fall
 
 
-def see_rest(workspace, c, t):
-    """Add the end t of the series that a further bounce of contact c predicts."""
-    change = abs(t - workspace.rests[c, LAST])
-    if change <= workspace.rests[c, CHANGE]:
-        workspace.rests[c, BEST], workspace.rests[c, CHANGE] = t, change
-    workspace.rests[c, LAST] = t
-
-
 def close_endless(system, workspace, t, y):
     """Make exactly those contacts plastic whose further bounces would be below ZENO_HEIGHT."""
     table = system.contact_table
@@ -193,10 +187,14 @@ def close_endless(system, workspace, t, y):
         fall = -free_normal_acceleration(system, workspace, t, y, c)
         if fall <= 0.0:
             continue
-        see_rest(workspace, c, t + 2.0 * e * speed / (fall * (1.0 - e)))
+        ends, rests = t + 2.0 * e * speed / (fall * (1.0 - e)), workspace.rests
+        change = abs(ends - rests[c, LAST])
+        if change <= rests[c, CHANGE]:
+            rests[c, BEST], rests[c, CHANGE] = ends, change
+        rests[c, LAST] = ends
         if 0.5 * (e * speed) ** 2 / fall < ZENO_HEIGHT * system.length:
             workspace.plastic[c] = 1
-            note(workspace, workspace.rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
+            note(workspace, rests[c, BEST], c, RESTS, (0.0, 0.0, 0.0))
 
 
 def close_rocking(system, workspace, t, y):
@@ -287,18 +285,14 @@ class Rule(NamedTuple):
     """whether contacts that are marked to close together are bilateral."""
     stop: bool
     """whether perfectly rough contacts stop slipping, even if that requires no normal impulse."""
+    held: int = -1
+    """contact that is at rest afterwards, by impulses of any size; -1: none."""
 
 
 def grips(system, c, v):
     """Whether contact c is perfectly rough and does not separate."""
     rough = system.contact_table[c, KINETIC] == math.inf
     return rough and v[first_row_of(system, c)] <= velocity_tolerance_of(system)
-
-
-def friction_limits(system, c, v):
-    """Largest tangential over normal impulse of contact c, by its law at the slip before it."""
-    k = first_row_of(system, c)
-    return traction_over_normal_force(system, c, math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2))
 
 
 def lay_out_impact(system, workspace, v, rule, loose):
@@ -308,10 +302,13 @@ def lay_out_impact(system, workspace, v, rule, loose):
     """
     table, rules = system.contact_table, workspace.contact_rules
     for c in range(table.shape[0]):
+        k = first_row_of(system, c)
+        slip = math.sqrt(v[k + 1] ** 2 + v[k + 2] ** 2)
         both = table[c, BILATERAL] == 1.0 or (rule.together and workspace.together[c] == 1)
+        both, holds = both or c == rule.held, (loose and grips(system, c, v)) or c == rule.held
         rules[c, PART] = FREE if workspace.taking_part[c] == 1 else APART
         rules[c, PULLS], rules[c, LEAST] = 1.0 if both else 0.0, rule.least[c]
-        rules[c, BOUND] = HOLDS if loose and grips(system, c, v) else friction_limits(system, c, v)
+        rules[c, BOUND] = HOLDS if holds else traction_over_normal_force(system, c, slip)
         rules[c, ROLLS] = table[c, ROLLING_ARM]
         rules[c, SPINS] = table[c, SPINNING_ARM]
     return lay_out_in(system, workspace)
@@ -376,14 +373,23 @@ def gains_energy(system, workspace, u, x):
     return work > COMPUTED_ROUNDING * size
 
 
-def poisson_impulses(system, workspace, before, rebound, x):
+def can_hold(system, x, c):
+    """Whether the impulse of contact c is within its friction cone, to NEAR_JAM of it."""
+    k = first_row_of(system, c)
+    across = math.sqrt(x[k + 1] ** 2 + x[k + 2] ** 2)
+    return (1.0 - NEAR_JAM) * across <= system.contact_table[c, KINETIC] * x[k]
+
+
+def poisson_impulses(system, workspace, before, rebound, held, x):
     """Write the impulses by Poisson's law to x: compression to rest, then at least e times its
-    normal impulse once more."""
+    normal impulse once more. held: as in `Rule`; UNSOLVED if friction cannot hold it."""
     none, least = np.zeros_like(rebound), np.zeros_like(rebound)
     first, compressed = np.empty_like(x), Velocities(np.empty_like(before.u), np.empty_like(x))
-    status = impulses_with(system, workspace, before, Rule(none, none, False, False), first)
+    status = impulses_with(system, workspace, before, Rule(none, none, False, False, held), first)
     if status != SOLVED:
         return status
+    if held >= 0 and not can_hold(system, first, held):
+        return UNSOLVED
     for c in range(least.shape[0]):
         least[c] = rebound[c] * first[first_row_of(system, c)]
     push(system, workspace, first, before.u, compressed.u)
@@ -441,7 +447,7 @@ def impulses_of_strike(system, workspace, before, fastest, x):
     if status == UNSOLVED:
         status = impulses_with(system, workspace, before, Rule(rebound, none, False, False), x)
     if status == UNSOLVED or (status == SOLVED and gains_energy(system, workspace, before.u, x)):
-        status = poisson_impulses(system, workspace, before, rebound, x)
+        status = poisson_impulses(system, workspace, before, rebound, -1, x)
         if status == UNSOLVED or (
             status == SOLVED and gains_energy(system, workspace, before.u, x)
         ):
@@ -488,6 +494,32 @@ def strike(system, workspace, t, y, alone):
     for c in range(table.shape[0]):
         parts = workspace.taking_part[c] == 1 and v[first_row_of(system, c)] > velocity_tolerance
         workspace.rebounding[c] = 1 if parts else 0
+    return STRUCK
+
+
+def stop_jam(system, workspace, t, y, c):
+    """Stop the slip of contact c, which jams (Painleve's paradox), by an impact without collision;
+    returns STRUCK, NO_IMPULSES or OVERFLOWN.
+
+    Normal impulse and friction drive the contact into the support until the slip stops; then it
+    sticks and returns to zero normal velocity (Genot and Brogliato 1999). However it slips
+    meanwhile, the total impulse is the one after which it is at rest, within the friction bound as
+    all its parts are. Poisson's second phase follows.
+    """
+    contacts = system.contact_table.shape[0]
+    u, v = np.empty_like(workspace.free_accelerations), np.empty_like(workspace.row_rate)
+    rebound = np.zeros(contacts)
+    for i in range(contacts):
+        workspace.taking_part[i] = 1 if i == c else 0
+    rebound[c] = system.contact_table[c, RESTITUTION]
+    read_velocities(system, y, u)
+    along_rows(system, workspace, u, v)
+    x = workspace.impulses
+    status = poisson_impulses(system, workspace, Velocities(u, v), rebound, c, x)
+    if status != SOLVED:
+        return OVERFLOWN if status == NOT_FINITE else NO_IMPULSES
+    apply_impulses(system, workspace, t, y, x)
+    note_impulses(system, workspace, t, JAMS)
     return STRUCK
 
 

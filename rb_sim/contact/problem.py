@@ -29,10 +29,11 @@ the bodies; a few contacts by dense matrices.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
+from rb_sim.integrate.layout import INTEGER
 from rb_sim.mechanics.contact.contact_bodies import keep
 from rb_sim.mechanics.systems.many_bodies import INVERSE, MASS, six, vec
 from rb_sim.numerics.complementarity import (
@@ -43,19 +44,43 @@ from rb_sim.numerics.complementarity import (
     SECOND,
     UNILATERAL,
     Equations,
+    natural_map,
+    size_of,
     unit_of,
 )
 from rb_sim.numerics.complementarity import NORMAL as OF_NORMAL
 from rb_sim.numerics.kernels import integers, pointer
 from rb_sim.numerics.vectors import symmetric_times
 
+# Workspaces: tuples of tables, whose fields are Annotated with the kind of their numbers and their
+# lengths, which are numbers or names.
+
+Tables = TypeVar("Tables", bound=tuple)
+
+
+def tables_of(kind: type[Tables]) -> dict[str, tuple[Any, ...]]:
+    """(kind of numbers, lengths) of each table."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: hint.__metadata__ for name, hint in hints.items()}
+
+
+def zeros_of(kind: type[Tables], **lengths: int) -> Tables:
+    """The tables, full of zeros, with these lengths."""
+    tables = []
+    for number, *shape in tables_of(kind).values():
+        sizes = [lengths.get(length, length) for length in shape]
+        tables.append(np.zeros(sizes, np.int64 if number == INTEGER else np.float64))
+    return kind(*tables)
+
+
 # Loops over arrays, since compiled functions have no expressions of whole arrays.
 
 
 def copy(to, of):
-    """Copy a vector to `to`."""
+    """Copy a vector to `to`; returns `to`."""
     for i in range(of.shape[0]):
         to[i] = of[i]
+    return to
 
 
 def copy_rows(to, of):
@@ -63,6 +88,14 @@ def copy_rows(to, of):
     for i in range(of.shape[0]):
         for j in range(of.shape[1]):
             to[i, j] = of[i, j]
+
+
+def finite(y):
+    """Whether no entry of a vector is NaN or infinite."""
+    total = 0.0
+    for i in range(y.shape[0]):
+        total += 0.0 * y[i]
+    return total == 0.0
 
 
 def largest(x):
@@ -91,6 +124,8 @@ BOUND, COMPLIANCE, VISCOUS_PER_NORMAL, VISCOUS, PULLS, LEAST, ROLLS, SPINS, PART
 """Columns of Graph.rules: coefficient of friction (-1: viscous), velocity of the support per
 impulse, viscous impulse per slip (per N, and independent of it), whether N may be negative, least
 normal impulse, arms of rolling and spinning resistance, and the participation of the contact."""
+ROUGH = 1e8
+"""Largest coefficient of friction that is used."""
 HOLDS = -2.0
 """Value of BOUND for a contact that does not slip, with unbounded friction."""
 FREE, GIVEN, APART = 0.0, 1.0, 2.0
@@ -314,3 +349,68 @@ def problem_of(laws, n, m, A, b, step):
         n, m, pointer(A), pointer(b), pointer(step), integers(laws.rules), pointer(laws.least),
         integers(laws.bounds), pointer(laws.limits), 0.0,
     )  # fmt: skip
+
+
+# The residual of a graph, by the natural map of the dense problem.
+
+
+class Residual(NamedTuple):
+    """The n rows of a graph's contacts, their m bounds, and workspace for the residual."""
+
+    n: int
+    m: int
+    laws: Laws
+    ends: np.ndarray
+    """bodies of each row of a contact, (rows, 2)."""
+    step: np.ndarray
+    """scale of each row, see Equations, (n,)."""
+    w: np.ndarray
+    """rate of each row beyond its target, (n,)."""
+    r: np.ndarray
+    """impulse of each row, (n,)."""
+    F: np.ndarray
+    """natural map, (n,)."""
+
+
+def lay_out_graph(graph, length):
+    """The rows of the contacts of a graph with their laws; length: of the scene."""
+    contacts = graph.ends.shape[0]
+    laws = laws_for(CONTACT_ROWS * contacts, contacts)
+    ends, first = np.empty((CONTACT_ROWS * contacts, 2), np.int64), np.zeros(contacts + 1, np.int64)
+    for k in range(ends.shape[0]):
+        first[k // CONTACT_ROWS] = k // CONTACT_ROWS * CONTACT_ROWS
+        for j in range(2):
+            ends[k, j] = graph.ends[k // CONTACT_ROWS, j]
+    n, m = lay_out(graph.rows, graph.rules, first, arm_of(length), ROUGH, laws)
+    return Residual(n, m, laws, ends, np.empty(n), np.empty(n), np.empty(n), np.empty(n))
+
+
+def block_size(blocks, i):
+    """Largest diagonal element of the block of contact i."""
+    return max(blocks[i, 0], max(blocks[i, 3], blocks[i, 5]))
+
+
+RIGID = 1e200
+"""Stiffness and grip of the exact laws."""
+
+
+def residual_of(graph, made, u, x, c, stiff, grip):
+    """Natural map of the laws at the velocities u and impulses x, relative to the impulses.
+
+    c, stiff, grip: centres, normal and tangential stiffness of a proximal step, relative to the
+    block of each contact; x, RIGID, RIGID: the exact laws.
+    """
+    for o in range(made.n):
+        k, unit = made.laws.used[o], made.laws.units[o]
+        i = k // CONTACT_ROWS
+        size = block_size(graph.blocks, i)
+        v = rate_of(graph.rows, k, u, made.ends[k, 0], made.ends[k, 1]) - graph.targets[k]
+        if k % CONTACT_ROWS == 0:
+            v += graph.rules[i, COMPLIANCE] * x[k] + size / stiff * (x[k] - c[k])
+        else:
+            v += size / grip * (x[k] - c[k])
+        made.w[o], made.r[o], made.step[o] = unit * v, x[k] / unit, 1.0 / (unit * unit * size)
+    p = problem_of(made.laws, made.n, made.m, made.w, made.w, made.step)  # without A and b
+    error = natural_map(p, pointer(made.r), pointer(made.w), pointer(made.F))
+    impulses = size_of(made.n, made.r)
+    return error / impulses if impulses > 0.0 else error

@@ -34,15 +34,20 @@ import math
 
 import numpy as np
 
-from rb_sim.contact.gauss_seidel import ROUGH, add_contact_impulse, gauss_seidel, is_plain
+from rb_sim.contact.gauss_seidel import add_contact_impulse, gauss_seidel, is_plain
 from rb_sim.contact.problem import (
     BOUND,
     COMPLIANCE,
     CONTACT_ROWS,
     ENOUGH,
+    RIGID,
+    ROUGH,
+    block_size,
     copy,
     copy_rows,
+    lay_out_graph,
     rate_of,
+    residual_of,
 )
 from rb_sim.mechanics.systems.many_bodies import INERTIA, MASS
 
@@ -190,51 +195,34 @@ the tolerance of the laws, or until a round reduces it by less than the factor H
 LOOSE = 1e-2
 """Natural map of the laws, relative to the largest impulse, above which a grip without a solution
 is approached in smaller steps."""
-RIGID = 1e200
-"""Stiffness and grip of the exact laws."""
 
 
-def block_size(blocks, i):
-    """Largest diagonal element of the block of contact i."""
-    return max(blocks[i, 0], max(blocks[i, 3], blocks[i, 5]))
-
-
-def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
-    """Write A and D of r = A - D v for the active set at (u, x); returns the natural map relative
-    to the largest impulse. c: centres of the proximal step; stiff, grip: RIGID for the exact laws,
-    where A and D have no meaning."""
-    most, largest = 0.0, 0.0
-    for i in range(ends.shape[0]):
-        k, b, a = CONTACT_ROWS * i, ends[i, 0], ends[i, 1]
-        size, mu = block_size(blocks, i), min(rules[i, BOUND], ROUGH)
-        soft, slack = size / stiff, size / grip
-        v0 = rate_of(rows, k, u, b, a) - targets[k] + rules[i, COMPLIANCE] * x[k]
-        v0 += soft * (x[k] - c[k])
-        largest = max(largest, abs(x[k]))
+def linear_laws(graph, made, x, c, grip, A, D):
+    """Write A and D of r = A - D v for the active set at the impulses x, after `residual_of`; c:
+    centres of the proximal step."""
+    rules, blocks = graph.rules, graph.blocks
+    for i in range(graph.ends.shape[0]):
+        k, mu, size = CONTACT_ROWS * i, min(rules[i, BOUND], ROUGH), block_size(blocks, i)
+        soft, slack, at = size / STIFF, size / grip, made.laws.place_of[CONTACT_ROWS * i]
         for j in range(3):
             A[i, j] = 0.0
         for j in range(9):
             D[i, j] = 0.0
-        normal = x[k] - v0 / size
+        normal = x[k] - made.w[at] / size
         if normal <= 0.0:
-            most = max(most, max(abs(x[k]), max(abs(x[k + 1]), abs(x[k + 2]))))
             continue
-        most = max(most, abs(normal - x[k]))
         D[i, 0] = 1.0 / (soft + rules[i, COMPLIANCE])
         A[i, 0] = c[k] * soft * D[i, 0]
         if mu == 0.0:
             continue
-        v1 = rate_of(rows, k + 1, u, b, a) - targets[k + 1] + slack * (x[k + 1] - c[k + 1])
-        v2 = rate_of(rows, k + 2, u, b, a) - targets[k + 2] + slack * (x[k + 2] - c[k + 2])
+        v1, v2 = made.w[at + 1], made.w[at + 2]
         y, z = x[k + 1] - v1 / size, x[k + 2] - v2 / size
         across = math.sqrt(y * y + z * z)
         if across <= mu * normal:  # sticks
-            most = max(most, max(abs(y - x[k + 1]), abs(z - x[k + 2])))
             A[i, 1], A[i, 2] = c[k + 1], c[k + 2]
             D[i, 4] = D[i, 8] = 1.0 / slack
             continue
         p, q, bound = y / across, z / across, mu * normal
-        most = max(most, max(abs(bound * p - x[k + 1]), abs(bound * q - x[k + 2])))
         A[i, 1], A[i, 2] = mu * p * A[i, 0], mu * q * A[i, 0]
         D[i, 3], D[i, 6] = mu * p * D[i, 0], mu * q * D[i, 0]
         slope = max(-(p * v1 + q * v2) / max(bound, 1e-300), 0.0)
@@ -246,7 +234,6 @@ def linear_laws(ends, rows, targets, rules, blocks, u, x, c, stiff, grip, A, D):
         D[i, 5] -= q * p * turning
         D[i, 7] -= q * p * turning
         D[i, 8] += p * p * turning
-    return most / largest if largest > 0.0 else most
 
 
 def fill_matrix(ends, rows, bodies, D, H, linked):
@@ -327,38 +314,37 @@ def take_impulses(ends, rows, targets, A, D, u, x, moved):
         x[k], x[k + 1], x[k + 2] = f[0], f[1], f[2]
 
 
-def proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace):
+def linearised(graph, made, u, x, c, grip, A, D):
+    """Write the linear laws of a proximal step at (u, x); returns its natural map."""
+    e = residual_of(graph, made, u, x, c, STIFF, grip)
+    linear_laws(graph, made, x, c, grip, A, D)
+    return e
+
+
+def proximal_step(graph, bodies, made, u, x, c, grip, solved, enough, workspace):
     """Newton's method on one proximal step about c, from (u, x), until it is solved or the exact
     laws are kept to `enough`.
 
-    Returns (its natural map relative to the largest impulse, that of the exact laws, rounds).
+    Returns (its natural map relative to the impulses, that of the exact laws, rounds).
     """
     ends, rows, targets = graph.ends, graph.rows, graph.targets
-    rules, blocks = graph.rules, graph.blocks
     A, D, H, g, linked, order, done, found = workspace
-    e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
-    given, made = residual_of(graph, u, x, A, D) if not e > solved else 1e300, 0
-    last = 1e300
-    while e > solved and given > enough and made < ROUNDS and not ENOUGH > e > HARDLY * last:
+    e = linearised(graph, made, u, x, c, grip, A, D)
+    given = residual_of(graph, made, u, x, x, RIGID, RIGID) if not e > solved else 1e300
+    last, rounds = 1e300, 0
+    while e > solved and given > enough and rounds < ROUNDS and not ENOUGH > e > HARDLY * last:
         last = e
         fill_matrix(ends, rows, bodies, D, H, linked)
         for k in range(g.shape[0]):
             g[k] = 0.0
         add_misfit(ends, rows, targets, A, D, u, x, g)
         if not eliminate(H, g, linked, order, done, found):
-            return 1e300, 1e300, made
+            return 1e300, 1e300, rounds
         take_impulses(ends, rows, targets, A, D, u, x, g.reshape((-1, 6)))
-        given = residual_of(graph, u, x, A, D)
-        e = linear_laws(ends, rows, targets, rules, blocks, u, x, c, STIFF, grip, A, D)
-        made += 1
-    return e, given, made
-
-
-def residual_of(graph, u, x, A, D):
-    """Natural map of the exact laws relative to the largest impulse; A, D: workspace."""
-    ends, rows, targets = graph.ends, graph.rows, graph.targets
-    rules, blocks = graph.rules, graph.blocks
-    return linear_laws(ends, rows, targets, rules, blocks, u, x, x, RIGID, RIGID, A, D)
+        given = residual_of(graph, made, u, x, x, RIGID, RIGID)
+        e = linearised(graph, made, u, x, c, grip, A, D)
+        rounds += 1
+    return e, given, rounds
 
 
 def put_into_cones(graph, u, x):
@@ -388,11 +374,12 @@ def proximal_newton(graph, bodies, u, x, enough):
     H, g, done, found = np.empty((6 * N, 6 * N)), np.empty(6 * N), order.copy(), order.copy()
     workspace = A, D, H, g, linked, order, done, found
     c, best_x, best_u = x.copy(), x.copy(), u.copy()
-    least, given, made, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
+    least, given, rounds, grip, factor = 1e300, 1e300, 0, SOFT, FIRMER
+    made = lay_out_graph(graph, 1.0)
     solved = min(ENOUGH, FINER * enough)
     for _ in range(STAGES):
-        e, own, more = proximal_step(graph, bodies, u, x, c, grip, solved, enough, workspace)
-        made += more
+        e, own, more = proximal_step(graph, bodies, made, u, x, c, grip, solved, enough, workspace)
+        rounds += more
         if not own > enough or not e > ENOUGH:
             if own < given:
                 least, given = e if own > enough else 0.0, own
@@ -409,7 +396,7 @@ def proximal_newton(graph, bodies, u, x, enough):
         if least == 1e300:  # no solution yet: a smaller grip, after some sweeps
             grip /= FIRMER
             _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, SWEEPS)
-            made += more
+            rounds += more
             copy(c, x)
             copy(best_x, x)
             copy_rows(best_u, u)
@@ -421,9 +408,9 @@ def proximal_newton(graph, bodies, u, x, enough):
     copy(x, best_x)
     copy_rows(u, best_u)
     put_into_cones(graph, u, x)
-    given = residual_of(graph, u, x, A, D)
+    given = residual_of(graph, made, u, x, x, RIGID, RIGID)
     least = given if least == 1e300 or given > LOOSE else least
-    return least, given, made
+    return least, given, rounds
 
 
 NEAR_SPELLS, NEAR_SPELL = 5, 5
@@ -452,13 +439,13 @@ def sweep_near(graph, u, x, enough):
 
     Returns (natural map of the laws relative to the largest impulse, number of sweeps).
     """
-    A, D = np.empty((graph.ends.shape[0], 3)), np.empty((graph.ends.shape[0], 9))
-    given, made, expected = residual_of(graph, u, x, A, D), 0, 0.0
+    rows = lay_out_graph(graph, 1.0)
+    given, made, expected = residual_of(graph, rows, u, x, x, RIGID, RIGID), 0, 0.0
     for left in range(NEAR_SPELLS - 1, -1, -1):
         if not given > enough or expected > enough:
             break
         last = given
         _, more = gauss_seidel(graph, u, x, np.empty(0), 1.0, 0.0, NEAR_SPELL)
-        given, made = residual_of(graph, u, x, A, D), made + more
+        given, made = residual_of(graph, rows, u, x, x, RIGID, RIGID), made + more
         expected = given * (given / last) ** left
     return given, made

@@ -316,7 +316,8 @@ def linearize(
     """
     bodies = len(system.bodies)
     G, inverse_mass, held, rank = held_at(system, t, y)
-    names = _input_names(commands)
+    kinds = ("force", "torque")
+    names = tuple(f"{body}/{kind}_{x}" for body in commands for kind in kinds for x in "xyz")
 
     def commanded(changed: MultiBody, wrench: Sequence[Any]) -> MultiBody:
         return with_inputs(changed, commands, wrench, axes)
@@ -401,7 +402,8 @@ def free_deviations(
     turns = [rotation(state_of(y, i).q_WB).T for i in range(bodies)]
     to_body = block_diag(*(block for turn in turns for block in (np.eye(3), turn)))
     rows = G @ to_body @ to_z[:half, :half]
-    pose, free_pose = allowed(rows[holonomic_rows(system, y)], system.length, bodies)
+    holonomic = on(system, 0.0, y).rows[:, HOLONOMIC] != 0.0
+    pose, free_pose = allowed(rows[holonomic], system.length, bodies)
     twist, free_twist = allowed(rows, system.length, bodies)
     Z = np.zeros((2 * half, len(free_pose) + len(free_twist)))
     Z[:half, : len(free_pose)] = pose
@@ -411,12 +413,6 @@ def free_deviations(
         right = -slip[:, :half] @ pose
         Z[[half + i for i in bound], : len(free_pose)] = solved(rows[:, bound], right)
     return Z, [*free_pose, *(half + i for i in free_twist)]
-
-
-def holonomic_rows(system: MultiBody, y: Array) -> list[int]:
-    """Indices of the rows that also constrain positions."""
-    here = on(system, 0.0, y)
-    return [k for k in range(len(here.row_table)) if here.rows[k, HOLONOMIC]]
 
 
 def allowed(rows: Array, length: float, bodies: int) -> tuple[Array, list[int]]:
@@ -461,15 +457,6 @@ def reaction_rows(system: MultiBody, t: float, y: Array) -> Array:
     unit = np.eye(len(system.row_table))
     found = [reactions(here, y, e.tolist()) for e in unit]
     return np.array(found, float).reshape(len(unit), 6 * len(system.members)).T
-
-
-def _input_names(commands: dict[str, tuple[int, ...]]) -> tuple[str, ...]:
-    return tuple(
-        f"{body}/{kind}_{axis}"
-        for body in commands
-        for kind in ("force", "torque")
-        for axis in "xyz"
-    )
 
 
 def with_inputs(

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,71 +22,23 @@ from rb_sim.io.contact_power import smooth_power
 from rb_sim.io.messages.robot_description import JointTable
 from rb_sim.io.sink import stretches
 from rb_sim.mechanics.samples import centers_of_mass, origins
-from rb_sim.numerics.rotations import roll_pitch_yaw, rotate, without_jumps
+from rb_sim.numerics.rotations import roll_pitch_yaw, without_jumps
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.samples import Array, SampleBlock, SampleLayout
     from rb_sim.scene.schema import Scene
 
 
-# Jumps of the power of commands at the instants at which they change.
-#
-# A command acts from a sample on, but that sample still contains the preceding one. So the power at
-# the beginning of a sample interval is P(t_k) + (f' - f) v_O + (tau' - tau) w, with the new command
-# f', tau'.
-
-
-class _Shown(NamedTuple):
-    """Values of the M commanded bodies at the samples, shape (n, M, ...), world axes."""
-
-    command: Array
-    orientation: Array
-    motion: Array
-    """velocity of the origin and angular velocity, six components."""
-
-
-class CommandJumps:
-    """Jumps of the power of commands, for successive blocks of a run."""
-
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
-        self._commanded = layout.commanded
-        self._bodies = [layout.bodies.index(name) for name in layout.commanded]
-        self._last: _Shown | None = None
-
-    def __call__(self, block: SampleBlock) -> Array:
-        """Jump of the power [W] at the start of the interval before each sample, (n,)."""
-        jumps = np.zeros(len(block))
-        if not self._commanded or not len(block):
-            return jumps
-        shown = self._shown(block)
-        before = shown if self._last is None else _behind(self._last, shown)
-        given = {(one.index, one.body): one for one in block.inputs if one.body and not one.state}
-        for (k, body), one in given.items():
-            row, m = k - (self._last is None), self._commanded.index(body)
-            if row < 0:  # given before the first sample
-                continue
-            wrench = np.array([one.force, one.torque])
-            if one.frame == "body":
-                wrench = rotate(before.orientation[row, m], wrench)
-            jumps[k] += (wrench.ravel() - before.command[row, m]) @ before.motion[row, m]
-        self._last = _Shown(*(part[-1:] for part in shown))
-        return jumps
-
-    def _shown(self, block: SampleBlock) -> _Shown:
-        motion = origins(block, self._center_of_mass)
-        speeds = np.concatenate([motion.linear_velocity, motion.angular_velocity], axis=2)
-        return _Shown(block.command, block.orientation[:, self._bodies], speeds[:, self._bodies])
-
-
-def _behind(last: _Shown, shown: _Shown) -> _Shown:
-    return _Shown(*(np.concatenate(parts) for parts in zip(last, shown, strict=True)))
-
-
 LEAST_DRAWN = 1e-17
 """Smallest value plotted on a logarithmic axis; smaller ones are drawn as this."""
 
+ANGLES = ("roll φ", "pitch θ", "yaw ψ")
 _ENERGIES = tuple(ENERGIES[name] for name in ("kinetic", "potential", "total"))
+_GREY = (AXES[3],)
+
+Values = Callable[["SampleBlock"], "Array"]
+Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
+"""Function of a block: accelerations, world axes, and angular ones, body axes, (n, bodies, 3)."""
 
 
 class Panel(NamedTuple):
@@ -120,10 +71,6 @@ class Panel(NamedTuple):
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
-Accelerating = Callable[["SampleBlock"], "tuple[Array, Array]"]
-"""Function of a block: accelerations, world axes, and angular ones, body axes, (n, bodies, 3)."""
-
-
 def panels_of(
     scene: Scene, layout: SampleLayout, accelerations: Accelerating | None = None
 ) -> list[Panel]:
@@ -131,31 +78,50 @@ def panels_of(
     return [
         *_body_panels(layout),
         *_joint_panels(scene, layout),
-        *([] if accelerations is None else _acceleration_panels(layout, accelerations)),
+        *([] if accelerations is None else _acceleration_panels(layout, _once(accelerations))),
         *_command_panels(layout),
         *_reaction_panels(layout),
         *_energy_panels(scene, layout),
     ]
 
 
+def _once(of: Callable[[SampleBlock], Any]) -> Callable[[SampleBlock], Any]:
+    """The function, evaluated once for all panels of a block."""
+    last: list[Any] = [None, None]
+
+    def values(block: SampleBlock) -> Any:
+        if last[0] is not block:
+            last[:] = block, of(block)
+        return last[1]
+
+    return values
+
+
+def _vector(
+    entity: str, title: str, unit: str, kind: str, body: str, values: Values, **more: Any
+) -> Panel:
+    """A panel of components in the colours of their axes."""
+    labels = more.pop("labels", tuple("xyz"))
+    return Panel(entity, title, unit, labels, AXES[: len(labels)], values, kind, body, **more)
+
+
+def _column(field: str, *index: Any) -> Values:
+    return lambda block: getattr(block, field)[:, *index]
+
+
 def _body_panels(layout: SampleLayout) -> Iterator[Panel]:
     for i, name in enumerate(layout.bodies):
         title = f"{name}: position of the centre of mass, world"
-        yield _xyz(f"{name}/position", title, "m", "position", i, "length", name)
+        yield _vector(f"{name}/position", title, "m", "length", name, _column("position", i))
         title = f"{name}: roll, pitch, yaw about the world's x, y, z"
-        yield Panel(f"{name}/angles", title, "°", ANGLES, AXES[:3], Angles(i), "angle", name)
-        title = f"{name}: orientation, quaternion body to world"
-        column, labels = _column("orientation", i), tuple("xyzw")
-        yield Panel(f"{name}/orientation", title, "", labels, AXES, column, "attitude", name)
-        title = f"{name}: velocity of the centre of mass, world"
-        entity = f"{name}/velocity"
-        yield _xyz(entity, title, "m/s", "linear_velocity", i, "speed", name, jumps=True)
-        title = f"{name}: angular velocity ω, body axes"
-        entity = f"{name}/angular_velocity"
-        yield _xyz(entity, title, "rad/s", "angular_velocity", i, "spin", name, jumps=True)
-
-
-ANGLES = ("roll φ", "pitch θ", "yaw ψ")
+        yield _vector(f"{name}/angles", title, "°", "angle", name, Angles(i), labels=ANGLES)
+        title, q = f"{name}: orientation, quaternion body to world", _column("orientation", i)
+        entity, labels = f"{name}/orientation", tuple("xyzw")
+        yield _vector(entity, title, "", "attitude", name, q, labels=labels)
+        title, v = f"{name}: velocity of the centre of mass, world", _column("linear_velocity", i)
+        yield _vector(f"{name}/velocity", title, "m/s", "speed", name, v, jumps=True)
+        title, w = f"{name}: angular velocity ω, body axes", _column("angular_velocity", i)
+        yield _vector(f"{name}/angular_velocity", title, "rad/s", "spin", name, w, jumps=True)
 
 
 class Angles:
@@ -171,97 +137,58 @@ class Angles:
         return np.degrees(angles)
 
 
-class Joints:
-    """Positions of the joints of a scene [°, m], with their names, units and bodies."""
-
-    def __init__(self, scene: Scene, layout: SampleLayout) -> None:
-        self._table = JointTable(scene, layout)
-        self.names, self.units = self._table.names, self._table.units
-        self.bodies = [scene.constraints[name].body for name in self.names]  # type: ignore[attr-defined]
-        self._found: tuple[Any, Any] = None, ()
-
-    def __call__(self, block: SampleBlock, j: int) -> Array:
-        """Position of joint j, shape (n, 1); cached for the block."""
-        if self._found[0] is not block:
-            positions = self._table.values(block)[:, : len(self.names)]
-            angular = [unit == "rad" for unit in self.units]
-            positions[:, angular] = np.degrees(positions[:, angular])
-            self._found = block, positions
-        return self._found[1][:, j : j + 1]
-
-
 def _joint_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
-    joints = Joints(scene, layout)
-    for j, (name, unit, body) in enumerate(
-        zip(joints.names, joints.units, joints.bodies, strict=True)
-    ):
-        what, shown, kind = (
-            ("angle", "°", "angle") if unit == "rad" else ("displacement", "m", "length")
-        )
-        title, values = f"{name}: {what} from the first sample", partial(joints, j=j)
-        yield Panel(f"joints/{name}", title, shown, (name,), (AXES[3],), values, kind, body)
+    table = JointTable(scene, layout)
+    of = _once(lambda block: table.values(block))
+    for j, (name, unit) in enumerate(zip(table.names, table.units, strict=True)):
+        what, shown, kind = "displacement", "m", "length"
+        if unit == "rad":
+            what, shown, kind = "angle", "°", "angle"
+        factor = np.degrees(1.0) if unit == "rad" else 1.0
+        title, body = f"{name}: {what} from the first sample", scene.constraints[name].body  # type: ignore[attr-defined]
+
+        def values(block: SampleBlock, j: int = j, factor: float = factor) -> Array:
+            return factor * of(block)[:, j : j + 1]
+
+        yield Panel(f"joints/{name}", title, shown, (name,), _GREY, values, kind, body)
 
 
 def _command_panels(layout: SampleLayout) -> Iterator[Panel]:
     for i, name in enumerate(layout.commanded):
-        about = {"force": ", world axes", "torque": " about the body origin, world axes"}
-        parts = (("N", "force", slice(3)), ("N m", "torque", slice(3, 6)))
-        for unit, kind, part in parts:
-            columns = partial(_commanded, i=i, part=part)
-            entity, title = f"command/{name}/{kind}", f"{name}: commanded {kind}{about[kind]}"
-            labels, colors = tuple("xyz"), AXES[:3]
-            yield Panel(entity, title, unit, labels, colors, columns, kind, name, held=True)
-
-
-def _commanded(block: SampleBlock, i: int, part: slice) -> Array:
-    return block.command[:, i, part]
+        for unit, kind, part, about in (
+            ("N", "force", slice(3), ", world axes"),
+            ("N m", "torque", slice(3, 6), " about the body origin, world axes"),
+        ):
+            entity, title = f"command/{name}/{kind}", f"{name}: commanded {kind}{about}"
+            yield _vector(entity, title, unit, kind, name, _column("command", i, part), held=True)
 
 
 def _acceleration_panels(layout: SampleLayout, of: Accelerating) -> Iterator[Panel]:
-    found: list[Any] = [None, ()]
-
-    def part(which: int, i: int) -> Callable[[SampleBlock], Array]:
-        def values(block: SampleBlock) -> Array:
-            if found[0] is not block:  # computed once for all panels
-                found[:] = block, of(block)
-            return found[1][which][:, i]
-
-        return values
-
-    kinds = (
-        ("m/s²", "acceleration", "acceleration of the centre of mass, world"),
-        ("rad/s²", "turning", "angular acceleration, body axes"),
-    )
     for i, name in enumerate(layout.bodies):
-        for k, (unit, kind, what) in enumerate(kinds):
-            labels, colors, values = tuple("xyz"), AXES[:3], part(k, i)
-            title = f"{name}: {what}"
-            yield Panel(
-                f"{name}/{kind}", title, unit, labels, colors, values, kind, name, jumps=True
-            )
+        for k, (unit, kind, what) in enumerate((
+            ("m/s²", "acceleration", "acceleration of the centre of mass, world"),
+            ("rad/s²", "turning", "angular acceleration, body axes"),
+        )):  # fmt: skip
+
+            def values(block: SampleBlock, k: int = k, i: int = i) -> Array:
+                return of(block)[k][:, i]
+
+            yield _vector(f"{name}/{kind}", f"{name}: {what}", unit, kind, name, values, jumps=True)
 
 
 def _reaction_panels(layout: SampleLayout) -> Iterator[Panel]:
     for k, name in enumerate(layout.reactions):
-        body = layout.reaction_bodies[k]
-        c = layout.contacts.index(name) if name in layout.contacts else None
-        title = f"{name}: reaction force on {body}, world axes"
-        force = _xyz(
-            f"reactions/{name}/force", title, "N", "reaction_force", k, "force", body, jumps=True
+        body, entity = layout.reaction_bodies[k], f"reactions/{name}"
+        contact = layout.contacts.index(name) if name in layout.contacts else None
+        title, values = (
+            f"{name}: reaction force on {body}, world axes",
+            _column("reaction_force", k),
         )
-        yield force._replace(contact=c)
+        more = {"jumps": True, "contact": contact}
+        yield _vector(f"{entity}/force", title, "N", "force", body, values, **more)
         about = "the centre of mass" if f"{name}/2" in layout.reactions else "its anchor"
-        title = f"{name}: reaction torque about {about}"
-        yield _xyz(
-            f"reactions/{name}/torque",
-            title,
-            "N m",
-            "reaction_torque",
-            k,
-            "torque",
-            body,
-            jumps=True,
-        )
+        title, values = f"{name}: reaction torque about {about}", _column("reaction_torque", k)
+        yield _vector(f"{entity}/torque", title, "N m", "torque", body, values, jumps=True)
 
 
 def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
@@ -270,29 +197,29 @@ def _energy_panels(scene: Scene, layout: SampleLayout) -> Iterator[Panel]:
     labels, colors = ("E − E(0)", "work"), (ENERGIES["total"], ENERGIES["work"])
     title, of = "energy change, work of forces without potential", "balance"
     yield Panel(of, title, "J", labels, colors, Balance(scene, layout), "energy", jumps=True)
-    title, grey = "power of forces without potential", (AXES[3],)
-    yield Panel("power", title, "W", ("power",), grey, _power, "power", jumps=True)
+    title, power = "power of forces without potential", _column("power", None)
+    yield Panel("power", title, "W", ("power",), _GREY, power, "power", jumps=True)
     title = "worst violation of a constraint, relative to the scene's scale"
     labels = ("residual",)
-    yield Panel("residual", title, "", labels, grey, _residual, "residual", logarithmic=True)
+    yield Panel("residual", title, "", labels, _GREY, _residual, "residual", logarithmic=True)
 
 
 class Balance:
     """Energy change since the first sample and work done; restart at a reset or set state.
 
     Work of contacts is taken from the samples; the rest by the trapezoidal rule between changes of
-    commands.
+    commands: a command acts from a sample on, but that sample still has the preceding one, so that
+    the interval begins with the power P + (f' - f) v_O + (tau' - tau) w, with the new command.
     """
 
     def __init__(self, scene: Scene, layout: SampleLayout) -> None:
         self._scene, self._layout = scene, layout
+        self._center_of_mass = centers_of_mass(scene.bodies, layout.bodies)
+        self._commanded = [layout.bodies.index(name) for name in layout.commanded]
         self._begin()
 
     def _begin(self) -> None:
-        self._jumps = CommandJumps(self._scene, self._layout)
-        self._first_contact_work = 0.0
-        self._first: float | None = None
-        self._last: tuple[float, float] | None = None
+        self._first = self._last = None
         self._work = 0.0
 
     def __call__(self, block: SampleBlock) -> Array:
@@ -306,37 +233,27 @@ class Balance:
         return np.concatenate(found)
 
     def _of(self, block: SampleBlock) -> Array:
-        if self._first is None:
-            self._first = float(block.energy[0])
-            self._first_contact_work = float(block.contact_work[0])
+        motion: Any = origins(block, self._center_of_mass) if self._commanded else block
+        speeds = np.concatenate([motion.linear_velocity, motion.angular_velocity], axis=2)
         power = smooth_power(block, self._scene, self._layout)
-        t0, p0 = self._last or (float(block.t[0]), float(power[0]))
-        steps = np.maximum(0.0, np.diff(block.t, prepend=t0))  # also where time goes back
-        begun = np.concatenate([[p0], power[:-1]]) + self._jumps(block)
-        means = 0.5 * (power + begun)
-        work = self._work + np.cumsum(steps * means)
-        self._last, self._work = (float(block.t[-1]), float(power[-1])), float(work[-1])
-        contacts = block.contact_work - self._first_contact_work
-        return np.c_[block.energy - self._first, work + contacts]
-
-
-def _xyz(
-    entity: str, title: str, unit: str, field: str, index: int, kind: str, body: str, **more: Any
-) -> Panel:
-    values, labels = _column(field, index), tuple("xyz")
-    return Panel(entity, title, unit, labels, AXES[:3], values, kind, body, **more)
-
-
-def _column(field: str, index: int) -> Callable[[SampleBlock], Array]:
-    return lambda block: getattr(block, field)[:, index]
+        own: Any = block.t, power, block.command, speeds[:, self._commanded]
+        last = self._last or [column[0] for column in own]
+        if self._first is None:
+            self._first = np.array([block.energy[0], block.contact_work[0]])
+        t, begun, command, speed = (
+            np.concatenate([[before], column[:-1]])
+            for before, column in zip(last, own, strict=True)
+        )
+        new = sorted({given.index for given in block.inputs if given.body and not given.state})
+        begun[new] += np.sum((block.command - command)[new] * speed[new], axis=(1, 2))
+        steps = np.maximum(0.0, block.t - t)  # also where time goes back
+        work = self._work + np.cumsum(steps * 0.5 * (power + begun))
+        self._last, self._work = [column[-1] for column in own], float(work[-1])
+        return np.c_[block.energy, work + block.contact_work] - self._first
 
 
 def _energies(block: SampleBlock) -> Array:
     return np.c_[block.kinetic_energy, block.potential_energy, block.energy]
-
-
-def _power(block: SampleBlock) -> Array:
-    return block.power[:, None]
 
 
 def _residual(block: SampleBlock) -> Array:

@@ -140,16 +140,13 @@ class Compiled:
         others = type(self.system), len(self.y), row_width(self.layout), self._lost
         return recent_laws(self.system, others, lambda system: self._laws_of(system, ()))
 
-    def laws_with(self, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
-        """The traced laws with the constants at these places as inputs instead of constants."""
-        return self._laws_of(self.system, varied)
-
     @property
     def _lost(self) -> tuple[bool, Dependent]:
         """(redundant, dependent rows), which the laws take as fixed."""
         return self.redundant, self.dependent
 
     def _laws_of(self, system: Any, varied: Sequence[Place]) -> ReducedLaws | MultiBodyLaws:
+        """The traced laws with the constants at these places as inputs instead of constants."""
         width = row_width(self.layout)
         if isinstance(system, MultiBody):
             redundant, dependent = self._lost
@@ -178,4 +175,6 @@ def family_of(members: Sequence[Compiled]) -> Family | None:
     if not traceable(first.system):
         return None
     systems = [member.system for member in members]
-    return Family(systems, lambda _, varied: first.laws_with(varied) if varied else first.laws)
+    return Family(
+        systems, lambda _, varied: first._laws_of(first.system, varied) if varied else first.laws
+    )

@@ -47,13 +47,6 @@ def spin_lengths(inertia: Numbers, mass: Numbers) -> Numbers:
     return inertia / np.sqrt(largest * mass)[:, None, None]
 
 
-def lengths_of(bodies: Iterable[Any]) -> Numbers:
-    """A [m] of the bodies of a scene, body axes (N, 3, 3)."""
-    bodies = list(bodies)
-    inertia = np.array([body.inertia for body in bodies])
-    return spin_lengths(inertia, np.array([body.mass for body in bodies]))
-
-
 THIN = 0.3
 """Ratio of the smallest to the largest moment of inertia below which a body is thin; for other
 bodies the spin about any axis has at least this weight."""
@@ -71,22 +64,18 @@ class Measures(NamedTuple):
 def measures_of(bodies: Iterable[Any]) -> Measures:
     """Velocity norms of a scene: one by momenta for each body, then one with A = R 1 for each thin
     body."""
-    lengths = lengths_of(bodies := list(bodies))
+    inertia, mass = zip(*((body.inertia, body.mass) for body in bodies), strict=True)
+    lengths = spin_lengths(np.array(inertia), np.array(mass))
     sizes = np.linalg.eigvalsh(lengths)
     thin = np.flatnonzero(sizes[:, 0] < THIN * sizes[:, 2])
     alike = sizes[thin, 2, None, None] * np.eye(3)
-    which = np.append(np.arange(len(bodies)), thin)
+    which = np.append(np.arange(len(mass)), thin)
     return Measures(np.concatenate([lengths, alike]), which)
-
-
-def by_lengths(lengths: Numbers, vectors: Numbers) -> Numbers:
-    """A times vectors in body axes, shape (n, N, 3)."""
-    return (lengths @ vectors[..., None])[..., 0]
 
 
 def measured(v: Numbers, w: Numbers, lengths: Numbers) -> Numbers:
     """(v_C, A w) of bodies, shape (n, N, 6)."""
-    return np.concatenate([v, by_lengths(lengths, w)], axis=2)
+    return np.concatenate([v, (lengths @ w[..., None])[..., 0]], axis=2)
 
 
 # Bodies whose motion is small in SI units: scales to which their errors are relative.

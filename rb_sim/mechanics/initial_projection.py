@@ -14,42 +14,16 @@ It runs once, as plain Python, at a cost that grows with the nonzero entries onl
 
 from __future__ import annotations
 
-import hashlib
 import math
-import pickle
-import threading
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
-from weakref import WeakValueDictionary
 
 import numpy as np
 
-from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE, fill
-from rb_sim.compiler.graph import store
-from rb_sim.compiler.graph.emit import Pieces, modules
-from rb_sim.compiler.graph.machine import (
-    Law,
-    PlainLaw,
-    compile_law,
-    draft,
-    interpreted,
-    key_of,
-    linked,
-    load,
-    pointer_type,
-)
-from rb_sim.compiler.graph.machine import folder as laws_folder
-from rb_sim.compiler.program import folder
+from rb_sim.catalogue.constraints.rows import ERROR, HOLONOMIC, RATE
 from rb_sim.integrate.attempt import LOST, correct_positions, position_error, return_to_positions
-from rb_sim.mechanics.inputs import cleared
-from rb_sim.mechanics.laws import CompiledLaws
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
 from rb_sim.mechanics.systems.elimination import (
     Dependent,
-    Factors,
     changing_rows,
-    constraint_matrix,
     dense_matrix,
     factored,
     hasten,
@@ -63,49 +37,6 @@ from rb_sim.mechanics.systems.multibody import (
     row_velocity,
     write_rows,
 )
-
-# Compiled laws kept by the data that they were traced from: a second process need not trace them.
-
-
-_LOADED: WeakValueDictionary[tuple[Path | None, str], Law] = WeakValueDictionary()
-_LOCK = threading.Lock()
-
-
-def kept_law(origin: Any, outputs: Callable[[], Sequence[Any]]) -> Law | PlainLaw:
-    """The law of the outputs; `outputs` is called only if no law of the same origin is kept.
-
-    origin: all data on which the outputs depend besides the sources. Laws are traced every time if
-    the origin cannot be pickled, or if they call functions by address, which differs between
-    processes.
-    """
-    try:
-        content = hashlib.sha256(pickle.dumps(origin)).hexdigest()
-    except (pickle.PicklingError, AttributeError, TypeError):
-        return compile_law(outputs())
-    if interpreted():
-        return PlainLaw(outputs())
-    # the folder is specific to these sources
-    place, name = folder(str(store.cache_root())), f"law-{content[:40]}-{draft():d}"
-    with _LOCK:
-        law = _LOADED.get((place, name)) or _found(place, name)
-        if law is not None:
-            return _LOADED.setdefault((place, name), law)
-    pieces = Pieces(outputs())
-    texts = modules(pieces, pointer_type())
-    law = linked(texts, pieces.externals)
-    if not pieces.externals:
-        store.write(place, name, key_of(texts).encode())
-    return law
-
-
-def _found(place: Path | None, name: str) -> Law | None:
-    """The law whose key is kept under this name, if both are on disk; else None."""
-    key = store.read(place, name)
-    if key is None:
-        return None
-    kept = store.read(laws_folder(str(store.cache_root())), key.decode("ascii", "replace"))
-    objects = None if kept is None else store.unpack(kept)
-    return load(objects) if objects else None
 
 
 def relative(system: MultiBody, violations: np.ndarray, length: float, speed: float) -> np.ndarray:
@@ -214,27 +145,3 @@ def changing_in(system: MultiBody, dependent: Dependent) -> list[int]:
     if not dependent.rows:
         return []
     return changing_rows(system, dependent, MultiBodyLaws(system, 0, redundant=True).holonomic)
-
-
-def rows_left(system: MultiBody, dependent: Dependent) -> tuple[list[int], CompiledLaws]:
-    """(independent rows, law of their pivots relative to the diagonal, see Factors)."""
-    laws = MultiBodyLaws(system, 0, False, (), dependent)
-    kept = laws.order
-
-    def kernel(on: MultiBody, t: Any, state: list[Any]) -> list[Any]:
-        write_rows(on, t, state)
-        found = Factors(constraint_matrix(on, kept), kept).shares
-        return [found[k] for k in kept]
-
-    if not of_the_package(system):
-        return kept, laws.traced(kernel)
-    origin = "lines left", cleared(system), sorted(dependent.rows), kept
-    return kept, kept_law(origin, lambda: laws.outputs(kernel))
-
-
-def of_the_package(system: MultiBody) -> bool:
-    """Whether all kernels that write the rows are part of rb_sim: only then can a law be kept by
-    its sources."""
-    package = __name__.partition(".")[0]
-    writers = [(type(placed.row), fill.kernels[type(placed.row)]) for placed in system.constraints]
-    return all(x.__module__.partition(".")[0] == package for pair in writers for x in pair)

@@ -219,6 +219,23 @@ class SolvedRows(GuidedLaws):
         return [k for k in self.whole_order if k not in left_out]
 
     @cached_property
+    def independent(self) -> list[int]:
+        """Rows that always get a multiplier, in the order of elimination."""
+        return [k for k in self.order if k not in self.changing]
+
+    @cached_property
+    def pivots(self) -> CompiledLaws:
+        """Pivots of the independent rows relative to their diagonal elements (see Factors)."""
+        rows = self.independent
+
+        def kernel(system: MultiBody, t: Any, y: list[Any]) -> list[Any]:
+            write_rows(system, t, y)
+            shares = Factors(constraint_matrix(system, rows), rows).shares
+            return [shares[k] for k in rows]
+
+        return self.traced(kernel)
+
+    @cached_property
     def position_order(self) -> list[int]:
         """Holonomic rows in the order of elimination, without those that depend on others."""
         left_out = self.dependent.positions - set(self.changing)

@@ -81,13 +81,6 @@ class Instance(NamedTuple):
     """(base, place) of each output field."""
 
 
-def marks_of(leaves: Sequence[Any]) -> tuple[Any, ...]:
-    """Pattern of the leaves: 0, 1 and -1 as they are, None for other numbers, "p" for inputs."""
-    return tuple(
-        "p" if isinstance(x, Symbol) else x if x in (0.0, 1.0, -1.0) else None for x in leaves
-    )
-
-
 def run(
     program: Program,
     name: Hashable,
@@ -103,7 +96,11 @@ def run(
         leaves = leaves_of(instance.thing)
         taken = tuple((base, width) for base, _, width in instance.inputs)
         kind = shape_of(instance.thing), taken, tuple(base for base, _ in instance.outputs)
-        kinds.setdefault(kind, {}).setdefault(marks_of(leaves), []).append((instance, leaves))
+        # 0, 1 and -1 as they are, None for other numbers, "p" for inputs
+        marks = tuple(
+            "p" if isinstance(x, Symbol) else x if x in (0.0, 1.0, -1.0) else None for x in leaves
+        )
+        kinds.setdefault(kind, {}).setdefault(marks, []).append((instance, leaves))
     for (shape, *_), patterns in kinds.items():
         if len(patterns) > PATTERNS:
             marks = tuple("p" if "p" in each else None for each in zip(*patterns, strict=True))

@@ -187,32 +187,8 @@ def row_width(layout: SampleLayout) -> int:
 
 def empty_block(n: int, layout: SampleLayout) -> SampleBlock:
     """Zeroed block of n samples."""
-    bodies, reactions, commanded = (
-        len(layout.bodies),
-        len(layout.reactions),
-        len(layout.commanded),
-    )
-    shapes = {
-        "t": (n,),
-        "position": (n, bodies, 3),
-        "orientation": (n, bodies, 4),
-        "linear_velocity": (n, bodies, 3),
-        "angular_velocity": (n, bodies, 3),
-        "reaction_force": (n, reactions, 3),
-        "reaction_torque": (n, reactions, 3),
-        "anchor": (n, reactions, 3),
-        "command": (n, commanded, 6),
-        "kinetic_energy": (n,),
-        "potential_energy": (n,),
-        "power": (n,),
-        "momentum": (n, 3),
-        "angular_momentum": (n, 3),
-        "residual": (n,),
-        "contact_work": (n,),
-        "contact_state": (n, len(layout.contacts)),
-    }
-    arrays: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
-    return SampleBlock(**arrays)
+    command = np.zeros((n, len(layout.commanded), 6))
+    return block_of(np.zeros(n), np.zeros((n, row_width(layout))), layout, command)
 
 
 def block_of(t: Array, out: Array, layout: SampleLayout, command: Array) -> SampleBlock:

@@ -104,39 +104,61 @@ def tangential_rows(p, i):
     return k, m, min(p.step[k], p.step[m]) if m >= 0 else p.step[k]
 
 
+def friction_at(p, i, x, w):
+    """(whether the i-th friction bound holds its rows, their x - step w, its value at x)."""
+    normal = p.bounds[BOUND_WIDTH * i + NORMAL]
+    k, m, step = tangential_rows(p, i)
+    y, z = x[k] - step * w[k], x[m] - step * w[m] if m >= 0 else 0.0
+    most = limit(p, i, x)
+    if normal >= 0 and p.limits[i] == math.inf:
+        ahead = x[normal] - p.least[normal] - p.step[normal] * w[normal]
+        holds = p.rules[normal] == EQUALITY or p.least[normal] > 0.0 or ahead > 0.0
+        most = math.inf if holds else 0.0
+    return (y * y + z * z) ** 0.5 <= most, y, z, most
+
+
+def natural_map(p, x, w, F):
+    """Write the residual of the laws between x and w to F: x minus the projection of x - step w;
+    returns |F|."""
+    for k in range(p.n):
+        F[k] = p.step[k] * w[k]
+        if p.rules[k] == UNILATERAL and not x[k] - p.least[k] - F[k] > 0.0:
+            F[k] = x[k] - p.least[k]
+    for i in range(p.m):
+        k, m, step = tangential_rows(p, i)
+        sticks, y, z, most = friction_at(p, i, x, w)
+        size = (y * y + z * z) ** 0.5
+        F[k] = step * w[k] if sticks else x[k] - most * (y / size)
+        if m >= 0:
+            F[m] = step * w[m] if sticks else x[m] - most * (z / size)
+    return size_of(p.n, F)
+
+
 def equations(p, x, w, F, J):
-    """Write residual F and generalised Jacobian J at x, and w = A x + b; returns |F|."""
+    """Write w = A x + b, its natural map F and the generalised Jacobian J of F at x; returns
+    |F|."""
     n = p.n
     for k in range(n):
         w[k] = row_times(p, k, x)
         step = p.step[k]
         for j in range(n):
             J[k * n + j] = step * p.A[k * n + j]
-        F[k] = step * w[k]
         if p.rules[k] == UNILATERAL and not x[k] - p.least[k] - step * w[k] > 0.0:
             for j in range(n):
                 J[k * n + j] = 0.0
-            F[k], J[k * n + k] = x[k] - p.least[k], 1.0
+            J[k * n + k] = 1.0
     for i in range(p.m):
-        write_friction(p, i, x, w, F, J)
-    return size_of(n, F)
+        write_friction(p, i, x, w, J)
+    return natural_map(p, x, w, F)
 
 
-def write_friction(p, i, x, w, F, J):
-    """Write the equations of the i-th friction bound into F and J."""
+def write_friction(p, i, x, w, J):
+    """Write the rows of the i-th friction bound into J."""
     n, normal = p.n, p.bounds[BOUND_WIDTH * i + NORMAL]
     k, m, step = tangential_rows(p, i)
-    y, z = x[k] - step * w[k], x[m] - step * w[m] if m >= 0 else 0.0
-    size, most = (y * y + z * z) ** 0.5, limit(p, i, x)
-    if normal >= 0 and p.limits[i] == math.inf:
-        ahead = x[normal] - p.least[normal] - p.step[normal] * w[normal]
-        holds = p.rules[normal] == EQUALITY or p.least[normal] > 0.0 or ahead > 0.0
-        most = math.inf if holds else 0.0
-    sticks = size <= most
+    sticks, y, z, most = friction_at(p, i, x, w)
+    size = (y * y + z * z) ** 0.5
     ratio, y, z = (0.0, 0.0, 0.0) if sticks else (most / size, y / size, z / size)
-    F[k] = step * w[k] if sticks else x[k] - most * y
-    if m >= 0:
-        F[m] = step * w[m] if sticks else x[m] - most * z
     for j in range(n):
         turned_y, turned_z = -step * p.A[k * n + j], -step * p.A[m * n + j] if m >= 0 else 0.0
         if sticks:

@@ -44,7 +44,7 @@ from rb_sim.scene.listing import find_scene
 # Commander: sends wrench commands to a running node, one after the other, and ends.
 
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 """Timeout for discovery of the node, and for the receipt of a command [s]."""
 
 
@@ -101,7 +101,7 @@ COMMANDS = [
 ]
 PAUSE = 1.0
 """[s] between commands."""
-START_LIMIT, RUN_LIMIT, PLOTS_LIMIT = 300.0, 60.0, 60.0
+START_LIMIT = RUN_LIMIT = PLOTS_LIMIT = 300.0
 """Timeouts [s] for the node to compile and start, for the run, and for its plots, which are drawn
 after the node has ended."""
 

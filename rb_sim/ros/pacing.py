@@ -27,11 +27,6 @@ from pathlib import Path
 THREADS = Path("/proc/self/task")
 
 
-def own_threads() -> list[int]:
-    """Kernel ids of all threads of this process: the loop, the middleware, the checks."""
-    return [int(thread.name) for thread in THREADS.iterdir()]
-
-
 class Priority:
     """Raises the priority of the present threads, and restores it.
 
@@ -52,7 +47,8 @@ class Priority:
     def raised(self, wanted: bool) -> None:
         """Raise the priority of the threads, or restore it."""
         if wanted and self._level and not self._before and not self.refusal:
-            self._raise(own_threads())
+            # kernel ids of all threads of this process: the loop, the middleware, the checks
+            self._raise([int(thread.name) for thread in THREADS.iterdir()])
         elif not wanted:
             self._put_back()
 

@@ -102,7 +102,8 @@ def begin(
         if TIME_FIELD in settings.out:
             logs.plan = logs.plan._replace(folder=own_folder(logs.plan.folder))
     loop.open()
-    freeze_memory()
+    gc.collect()
+    gc.freeze()  # a collection that looks at existing objects takes 0.1 s now and then
     loop.show()
     warn_of_unknown(node, lambda name: name.startswith(OF_TOPICS))
     announce(node, simulation, settings)
@@ -115,12 +116,6 @@ def ended(node: Node, loop: SimulationLoop, stop: Interruption) -> int:
     if loop.incomplete:
         node.get_logger().error(f"not complete: {', '.join(loop.incomplete)}")
     return 1 if loop.failure else LOG_CUT if loop.incomplete else 0
-
-
-def freeze_memory() -> None:
-    """Exclude existing objects from garbage collection, which would take 0.1 s now and then."""
-    gc.collect()
-    gc.freeze()
 
 
 def the_logs(node: Node, settings: Settings) -> LogProcess | None:

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -125,10 +125,13 @@ class StateMessages:
         self._reactions: list[Any] = [
             msg.Reaction(constraint=name, body=body) for name, body in of_each
         ]
-        self._places = [
-            *(place for state in self._bodies for place in _of_state(state)),
-            *(place for one in self._reactions for place in _of_reaction(one)),
-        ]
+        self._places: list[tuple[Any, bool]] = []
+        for one in self._bodies:
+            self._places += [(one.pose.position, False), (one.pose.orientation, True)]
+            self._places += [(one.twist.linear, False), (one.twist.angular, False)]
+        for one in self._reactions:
+            vectors = one.anchor, one.wrench.force, one.wrench.torque
+            self._places += [(vector, False) for vector in vectors]
         """target of each vector, in the order of the values, and whether it has a w component."""
         size = sum(3 + turns for _, turns in self._places) + 2
         numbers = Topic("", "", Layout().doubles(size).codec(), _numbers(layout))
@@ -146,27 +149,12 @@ class StateMessages:
         return Answer(self._bodies, self._reactions, next(values), next(values))
 
 
-def _of_state(state: Any) -> tuple[tuple[Any, bool], ...]:
-    pose, twist = state.pose, state.twist
-    linear, angular = (twist.linear, False), (twist.angular, False)
-    return (pose.position, False), (pose.orientation, True), linear, angular
-
-
-def _of_reaction(one: Any) -> tuple[tuple[Any, bool], ...]:
-    return (one.anchor, False), (one.wrench.force, False), (one.wrench.torque, False)
-
-
 def _numbers(layout: SampleLayout) -> list[int]:
     """Source columns of all values of an answer, in the order of its vectors."""
     of = columns_of(layout)
     moving = np.hstack([of.position, of.orientation, of.velocity, of.spin])
     acting = np.hstack([of.anchor, of.reaction_force, of.reaction_torque])
     return [*moving.ravel(), *acting.ravel(), *of.energy, *of.residual]
-
-
-def set_vector(of: Any, values: Sequence[float]) -> None:
-    """Assign three floats to x, y and z of a message."""
-    of.x, of.y, of.z = values
 
 
 GIVEN_TWICE = "given twice"
@@ -261,7 +249,7 @@ class Lockstep:
             answer.message += f"; {forgotten} events before the first one here are omitted"
         for event in events:
             one = msg.ContactEvent(t=event.t, contact=event.contact, kind=event.kind)
-            set_vector(one.impulse, event.impulse)
+            one.impulse.x, one.impulse.y, one.impulse.z = event.impulse
             answer.events.append(one)
 
 

@@ -83,7 +83,8 @@ class Ahead:
         shift: stamp minus own time [s]. Raises SimulationError if the integration cannot continue.
         """
         if self._taken == len(self._rows):
-            rows = self._computed(k, watch, limits)
+            several = self._several(k, watch, limits) if self._most > 1 else None
+            rows = self._go(k, watch, limits) if several is None else several
             if not rows:
                 return None
             self._hold(rows, shift)
@@ -115,11 +116,6 @@ class Ahead:
         self._fresh = self._rows if len(rows) > 1 else []
         self._taken = 0
 
-    def _computed(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow]:
-        """Several samples from k on if possible; empty if the watch ended it."""
-        rows = self._several(k, watch, limits) if self._most > 1 else None
-        return self._go(k, watch, limits) if rows is None else rows
-
     def _several(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow] | None:
         """Samples from k on; empty, with the state restored, if the watch ended it.
 
@@ -140,19 +136,15 @@ class Ahead:
     def _go(self, k: int, watch: Watch | None, limits: Limits) -> list[SampleRow]:
         """Samples from k on in one kernel call; also sets the number for the next call."""
         began = time.perf_counter()
-        self._times = self._own_times(k)
+        times, now = [], self._simulation.time
+        for one in range(k, k + self._most):  # each as reached by a step from the one before
+            now = now + (one / self._rate - now)
+            times.append(now)
+        self._times = np.array(times)
         rows = self._simulation.step_rows(self._times, watch, limits)
         each = (time.perf_counter() - began) / self._most
         self._most = max(1, min(2 * self._most, MOST, int(BUDGET / each)))
         return rows
-
-    def _own_times(self, k: int) -> Any:
-        """Own times of the samples from k on, each as reached by a step from the one before [s]."""
-        times, now = [], self._simulation.time
-        for one in range(k, k + self._most):
-            now = now + (one / self._rate - now)
-            times.append(now)
-        return np.array(times)
 
 
 MOST_RECENT = 10_000

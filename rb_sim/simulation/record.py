@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -204,11 +203,6 @@ class Record:
 # States at single instants of a run, and at contact events.
 
 
-NEAR = 256.0
-"""Distance of a sample from an event, in roundings of the end time, up to which it is beside the
-event."""
-
-
 @dataclass(frozen=True)
 class State:
     """State of all bodies at one instant; each mapping has the names of the bodies."""
@@ -234,93 +228,6 @@ class EventState(NamedTuple):
     """State just before the event."""
     after: State
     """State just after the event."""
-
-
-def state_of(run: Record, sample: int) -> State:
-    """The state at a sample of the run. Raises RbSimError for an invalid index."""
-    count = len(run)
-    try:
-        found = -count <= index(sample) < count
-    except TypeError:
-        found = False
-    if not found:
-        raise RbSimError(
-            f"state: got {sample!r}; must be the index of a sample, from {-count} to {count - 1}"
-        )
-    columns = ("position", "orientation", "linear_velocity", "angular_velocity")
-    block, bodies = run.block, run.layout.bodies
-
-    def rows(name: str) -> Mapping[str, Array]:
-        values = getattr(block, name)[sample].view()
-        values.flags.writeable = False  # a copy of the state: a change would have no effect
-        return ByName("body", {body: values[i] for i, body in enumerate(bodies)})
-
-    return State(float(run.t[sample]), **{name: rows(name) for name in columns})
-
-
-def beside(run: Record, event: ContactEvent) -> EventState:
-    """The event with the states of the samples just before and just after it.
-
-    Raises RbSimError if there are no such samples.
-    """
-    near = NEAR * np.spacing(max(abs(float(run.t[-1])), abs(event.t)))
-    after = int(np.searchsorted(run.t, event.t, side="right"))
-    before = int(np.searchsorted(run.t, event.t, side="left")) - 1
-    if after == len(run.t):
-        after -= 1
-    before = max(before, 0)
-    rows = (before, after) if run.t[before] > 0.0 or event.t > near else (0, 0)
-    if any(abs(run.t[row] - event.t) > near for row in rows):
-        raise RbSimError(
-            f"no sample lies beside the event at t = {event.t:.9g} s: "
-            "Simulation.run(events=True) samples there"
-        )
-    return EventState(event, state_of(run, rows[0]), state_of(run, rows[1]))
-
-
-class Resultant(NamedTuple):
-    """A wrench reduced to a point, world axes."""
-
-    force: Array
-    """Force [N], shape (n, 3)."""
-    torque: Array
-    """Torque about `point` [N m], shape (n, 3)."""
-    point: Array
-    """Reference point, world [m], shape (n, 3)."""
-
-
-def resultant(
-    trajectory: Record, name: str, about: str | Sequence[float] | Array | None
-) -> Resultant:
-    """Resultant of a reaction or effect, see Trajectory.resultant."""
-    acting = trajectory.reaction.get(name)
-    if acting is None:
-        effects = effect_wrenches(trajectory) if trajectory.scene is not None else {}
-        if name not in effects:
-            known = ", ".join((*trajectory.layout.reactions, *effects)) or "none"
-            raise RbSimError(f"resultant: got {name!r}; constraints and effects: {known}")
-        acting = effects[name]
-    point = _point(trajectory, about, acting.anchor)
-    torque = acting.torque + np.cross(acting.anchor - point, acting.force)
-    return Resultant(acting.force, torque, point)
-
-
-def _point(trajectory: Record, about: Any, anchor: Array) -> Array:
-    if about is None:
-        return anchor
-    if isinstance(about, str):
-        if about not in trajectory.layout.bodies:
-            bodies = ", ".join(trajectory.layout.bodies)
-            raise RbSimError(f"about: got {about!r}; must be a body ({bodies}) or a point")
-        return trajectory.position[about]
-    try:
-        points = np.broadcast_to(np.asarray(about, dtype=float), (len(trajectory), 3))
-        if np.isfinite(points).all():
-            return points
-    except (TypeError, ValueError):
-        pass
-    allowed = "a body, 3 finite numbers, or 3 for each sample"
-    raise RbSimError(f"about: got {about!r}; must be {allowed}")
 
 
 # Wrenches of effects at the samples of a trajectory, evaluated by the laws of the catalogue.

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from rb_sim.accuracy.checks.check_list import CheckedSamples
-from rb_sim.accuracy.checks.second_run import SecondRun
 from rb_sim.accuracy.checks.singular_configuration import rows_between, singular_end
 from rb_sim.accuracy.checks.step_doubling import Missed, StepDoubling
 from rb_sim.accuracy.checks.step_search import forecast_for
@@ -237,29 +236,24 @@ class Simulation(SceneInMotion):
             sink.open(self.scene, self.layout)
         blocks: list[SampleBlock] = []
         made = self._blocks_at(times)
-        checking = CheckedSamples(self, made) if watched and not self._is_trial else None
-        checked = check if checking is not None or check else False
-        second = SecondRun(self) if checked is not False else None
+        watched = watched and not self._is_trial
+        checked = None
+        if watched or check:
+            checked = CheckedSamples(self, made, second=check is not False)
         error = None
         try:
-            for block in checking or made:
+            for block in checked or made:
                 blocks.append(block)
                 for sink in outlets:
                     sink.write(block)
-                if second is not None:
-                    second.add(block)
                 if progress is not None:
                     progress(float(block.t[-1]), end)
-            if second is not None:
-                error = second.result(
-                    checked, singular=None if checking is None else checking.singular
-                )
-                if checking is not None:
-                    checking.check(error, second.exchanged)
+            if checked is not None:
+                error = checked.compare_again(check)
         finally:
-            if checking is not None:
-                checking.warn()
-        findings = checking.findings if checking is not None else ()
+            if checked is not None and watched:
+                checked.warn()
+        findings = checked.findings if checked is not None and watched else ()
         return self._trajectory(blocks, findings, error)
 
     def _instants(

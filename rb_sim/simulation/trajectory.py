@@ -17,9 +17,11 @@ from __future__ import annotations
 
 import base64
 import io
+import operator
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -44,20 +46,29 @@ from rb_sim.simulation.record import (
     EventState,
     Reaction,
     Record,
-    Resultant,
     State,
     accelerations,
-    beside,
     effect_wrenches,
-    resultant,
-    state_of,
 )
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rb_sim.io.bag.reader import BagReader
-    from rb_sim.simulation.record import Record
+    from rb_sim.mechanics.samples import ContactEvent
+
+NEAR = 256.0
+"""Distance of a sample from an event, in roundings of the end time, up to which it is beside the
+event."""
+
+
+class Resultant(NamedTuple):
+    """A wrench reduced to a point, world axes."""
+
+    force: Array
+    """Force [N], shape (n, 3)."""
+    torque: Array
+    """Torque about `point` [N m], shape (n, 3)."""
+    point: Array
+    """Reference point, world [m], shape (n, 3)."""
 
 
 class Trajectory(Record):
@@ -162,7 +173,21 @@ class Trajectory(Record):
         Raises:
             RbSimError: The run has no samples just before and after its events.
         """
-        return tuple(beside(self, event) for event in self.events)
+        return tuple(self._beside(event) for event in self.events)
+
+    def _beside(self, event: ContactEvent) -> EventState:
+        """The event with the states of the samples just before and just after it."""
+        t = self.t
+        near = NEAR * np.spacing(max(abs(float(t[-1])), abs(event.t)))
+        after = min(int(np.searchsorted(t, event.t, side="right")), len(t) - 1)
+        before = max(int(np.searchsorted(t, event.t, side="left")) - 1, 0)
+        rows = (before, after) if t[before] > 0.0 or event.t > near else (0, 0)
+        if any(abs(t[row] - event.t) > near for row in rows):
+            raise RbSimError(
+                f"no sample lies beside the event at t = {event.t:.9g} s: "
+                "Simulation.run(events=True) samples there"
+            )
+        return EventState(event, self.state(rows[0]), self.state(rows[1]))
 
     def state(self, index: int = -1) -> State:
         """State at one sample.
@@ -173,7 +198,23 @@ class Trajectory(Record):
         Raises:
             RbSimError: There is no such sample.
         """
-        return state_of(self, index)
+        count = len(self)
+        try:
+            found = -count <= operator.index(index) < count
+        except TypeError:
+            found = False
+        if not found:
+            raise RbSimError(
+                f"state: got {index!r}; must be the index of a sample, from {-count} to {count - 1}"
+            )
+
+        def rows(name: str) -> Mapping[str, Array]:
+            values = getattr(self.block, name)[index].view()
+            values.flags.writeable = False  # a copy of the state: a change would have no effect
+            return ByName("body", {body: values[i] for i, body in enumerate(self.layout.bodies)})
+
+        columns = ("position", "orientation", "linear_velocity", "angular_velocity")
+        return State(float(self.t[index]), **{name: rows(name) for name in columns})
 
     def resultant(self, name: str, about: str | Sequence[float] | Array | None = None) -> Resultant:
         """Wrench of a constraint or effect on its body about another point, world axes.
@@ -189,7 +230,33 @@ class Trajectory(Record):
             RbSimError: The name or the body does not exist, or the point is not finite.
         """
 
-        return resultant(self, name, about)
+        acting = self.reaction.get(name)
+        if acting is None:
+            effects = effect_wrenches(self) if self.scene is not None else {}
+            if name not in effects:
+                known = ", ".join((*self.layout.reactions, *effects)) or "none"
+                raise RbSimError(f"resultant: got {name!r}; constraints and effects: {known}")
+            acting = effects[name]
+        point = self._point(about, acting.anchor)
+        torque = acting.torque + np.cross(acting.anchor - point, acting.force)
+        return Resultant(acting.force, torque, point)
+
+    def _point(self, about: Any, anchor: Array) -> Array:
+        if about is None:
+            return anchor
+        if isinstance(about, str):
+            if about not in self.layout.bodies:
+                bodies = ", ".join(self.layout.bodies)
+                raise RbSimError(f"about: got {about!r}; must be a body ({bodies}) or a point")
+            return self.position[about]
+        try:
+            points = np.broadcast_to(np.asarray(about, dtype=float), (len(self), 3))
+            if np.isfinite(points).all():
+                return points
+        except (TypeError, ValueError):
+            pass
+        allowed = "a body, 3 finite numbers, or 3 for each sample"
+        raise RbSimError(f"about: got {about!r}; must be {allowed}")
 
     def to_npz(self, path: str | PathLike[str], *, accelerations: bool = False) -> None:
         """Write all columns to a numpy archive: t, energy, residual and QUANTITY.NAME.
@@ -204,7 +271,23 @@ class Trajectory(Record):
             RbSimError: The file cannot be written, or accelerations are not available.
         """
 
-        save_npz(self, Path(path), accelerations)
+        columns: dict[str, Any] = {"t": self.t, "energy": self.energy, "residual": self.residual}
+        for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
+            for name, values in getattr(self, quantity).items():
+                columns[f"{quantity}.{name}"] = values
+        if accelerations:
+            columns |= {label: values for _, label, values in _accelerations(self)}
+        for name, reaction in self.reaction.items():
+            for part, values in reaction._asdict().items():
+                columns[f"reaction.{name}.{part}"] = values
+        for name, values in self.contact_state.items():
+            columns[f"contact_state.{name}"] = values
+        if self.layout.contacts:
+            columns["contact_work"] = self.contact_work
+            for part in ("t", "contact", "kind", "impulse"):
+                columns[f"events.{part}"] = np.array([getattr(e, part) for e in self.events])
+        with _writing(path):
+            np.savez_compressed(path, **columns)
 
     def to_csv(self, path: str | PathLike[str], *, accelerations: bool = False) -> None:
         """Write t [s] and the columns of `to_pandas` as CSV with a header; SI units.
@@ -212,7 +295,11 @@ class Trajectory(Record):
         Arguments and errors are those of `to_npz`.
         """
 
-        save_csv(self, Path(path), accelerations)
+        columns, _ = _numbers(self, accelerations)
+        table = np.column_stack([self.t, *columns.values()])
+        head = ",".join(["t", *columns])
+        with _writing(path):
+            np.savetxt(path, table, fmt="%.17g", delimiter=",", header=head, comments="")
 
     def to_pandas(self, *, accelerations: bool = False) -> Any:
         """pandas DataFrame over t [s], columns QUANTITY.NAME.COMPONENT; units in its `attrs`.
@@ -224,7 +311,11 @@ class Trajectory(Record):
             RbSimError: pandas is not installed, or accelerations are not available.
         """
 
-        return to_pandas(self, accelerations)
+        pandas = _library("pandas", "a DataFrame")
+        columns, units = _numbers(self, accelerations)
+        frame = pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
+        frame.attrs["units"] = units | {"t": "s"}
+        return frame
 
     def to_xarray(self) -> Any:
         """xarray Dataset with the dimensions t, body, reaction, contact and axis.
@@ -235,7 +326,22 @@ class Trajectory(Record):
             RbSimError: xarray is not installed.
         """
 
-        return to_xarray(self)
+        xarray = _library("xarray", "a Dataset")
+        variables: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {"t": ("t", self.t, {"units": "s"})}
+        axes: dict[Any, str] = {XYZ: "axis", QUATERNION: "quaternion", WRENCH: "wrench"}
+        for quantity in QUANTITIES:
+            dimensions = ["t"]
+            if quantity.along:
+                dimensions.append(quantity.along)
+                coordinates[quantity.along] = list(_names_along(self, quantity.along))
+            if quantity.components:
+                dimensions.append(axes[quantity.components])
+                coordinates[axes[quantity.components]] = list(quantity.components)
+            attributes = {"units": quantity.unit, "long_name": quantity.meaning}
+            values = getattr(self.block, quantity.field)
+            variables[quantity.name.replace(".", "_")] = (dimensions, values, attributes)
+        return xarray.Dataset(variables, coords=coordinates)
 
     @named_if_lacking()
     def plot(self, path: str | PathLike[str] | None = None) -> Pages:
@@ -249,7 +355,12 @@ class Trajectory(Record):
             RbSimError: The scene is not known, `path` does not end in .png or cannot be written.
         """
 
-        pages = pages_of(self)
+        if self.scene is None or not len(self):
+            missing = "samples" if self.scene is not None else "scene"
+            raise RbSimError(f"plot: the trajectory has no {missing}")
+        plots = Plots(self.scene, self.layout)
+        plots.add(self.block)
+        pages = Pages(plots.figures())
         if path is not None:
             pages.save(Path(path))
         return pages
@@ -332,16 +443,6 @@ class Pages(Mapping[str, Any]):
         except OSError as error:
             raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
         save(self._figures, path)
-
-
-def pages_of(trajectory: Record) -> Pages:
-    """The pages of a trajectory. Raises RbSimError without samples or a scene."""
-    if trajectory.scene is None or not len(trajectory):
-        missing = "samples" if trajectory.scene is not None else "scene"
-        raise RbSimError(f"plot: the trajectory has no {missing}")
-    plots = Plots(trajectory.scene, trajectory.layout)
-    plots.add(trajectory.block)
-    return Pages(plots.figures())
 
 
 def _png(figure: Any) -> str:
@@ -451,7 +552,7 @@ ACCELERATIONS = (
 """Quantities computed from a block on request."""
 
 
-def names_along(trajectory: Record, along: str) -> tuple[str, ...]:
+def _names_along(trajectory: Record, along: str) -> tuple[str, ...]:
     """Names on an axis of the layout: bodies, reactions, commanded, contacts."""
     layout = trajectory.layout
     axes = {
@@ -463,38 +564,14 @@ def names_along(trajectory: Record, along: str) -> tuple[str, ...]:
     return axes[along]
 
 
-def save_npz(trajectory: Record, path: Path, accelerations: bool) -> None:
-    """Write `npz_columns`. Raises SinkError."""
-    columns = npz_columns(trajectory, accelerations)
+@contextmanager
+def _writing(path: str | PathLike[str]) -> Iterator[None]:
+    """Context that writes a file: makes its folder, turns errors into a SinkError."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(path, **columns)
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        yield
     except OSError as error:
         raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def npz_columns(trajectory: Record, accelerations: bool = False) -> dict[str, Any]:
-    """Columns t, energy, residual, QUANTITY.NAME; with contacts their work and the events."""
-    columns: dict[str, Any] = {
-        "t": trajectory.t,
-        "energy": trajectory.energy,
-        "residual": trajectory.residual,
-    }
-    for quantity in ("position", "orientation", "linear_velocity", "angular_velocity"):
-        for name, values in getattr(trajectory, quantity).items():
-            columns[f"{quantity}.{name}"] = values
-    if accelerations:
-        columns |= {label: values for _, label, values in _accelerations(trajectory)}
-    for name, reaction in trajectory.reaction.items():
-        for part, values in reaction._asdict().items():
-            columns[f"reaction.{name}.{part}"] = values
-    for name, values in trajectory.contact_state.items():
-        columns[f"contact_state.{name}"] = values
-    if trajectory.layout.contacts:
-        columns["contact_work"] = trajectory.contact_work
-        for part in ("t", "contact", "kind", "impulse"):
-            columns[f"events.{part}"] = np.array([getattr(e, part) for e in trajectory.events])
-    return columns
 
 
 def _accelerations(trajectory: Record) -> list[tuple[Quantity, str, Array]]:
@@ -509,28 +586,7 @@ def _accelerations(trajectory: Record) -> list[tuple[Quantity, str, Array]]:
     ]
 
 
-def to_pandas(trajectory: Record, accelerations: bool = False) -> Any:
-    """DataFrame with a column per component: position.top.x, reaction.tip.force.z, energy."""
-    pandas = _library("pandas", "a DataFrame")
-    columns, units = numbers(trajectory, accelerations)
-    frame = pandas.DataFrame(columns, index=pandas.Index(trajectory.t, name="t"))
-    frame.attrs["units"] = units | {"t": "s"}
-    return frame
-
-
-def save_csv(trajectory: Record, path: Path, accelerations: bool) -> None:
-    """Write t and the columns of `to_pandas` as CSV, each number exactly. Raises SinkError."""
-    columns, _ = numbers(trajectory, accelerations)
-    table = np.column_stack([trajectory.t, *columns.values()])
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        head = ",".join(["t", *columns])
-        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=head, comments="")
-    except OSError as error:
-        raise SinkError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
+def _numbers(trajectory: Record, accelerations: bool) -> tuple[dict[str, Array], dict[str, str]]:
     """(columns, units) of all quantities, by QUANTITY.NAME.COMPONENT."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
@@ -550,30 +606,9 @@ def _named(trajectory: Record, quantity: Quantity) -> list[tuple[str, Array]]:
     if not quantity.along:
         return [(quantity.name, values)]
     stem, _, part = quantity.name.partition(".")
-    names = names_along(trajectory, quantity.along)
+    names = _names_along(trajectory, quantity.along)
     ending = f".{part}" if part else ""
     return [(f"{stem}.{name}{ending}", values[:, i]) for i, name in enumerate(names)]
-
-
-def to_xarray(trajectory: Record) -> Any:
-    """Dataset with variables named as in pandas (dots as underscores), with units and meaning as
-    attributes."""
-    xarray = _library("xarray", "a Dataset")
-    variables: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {"t": ("t", trajectory.t, {"units": "s"})}
-    axes: dict[Any, str] = {XYZ: "axis", QUATERNION: "quaternion", WRENCH: "wrench"}
-    for quantity in QUANTITIES:
-        dimensions = ["t"]
-        if quantity.along:
-            dimensions.append(quantity.along)
-            coordinates[quantity.along] = list(names_along(trajectory, quantity.along))
-        if quantity.components:
-            dimensions.append(axes[quantity.components])
-            coordinates[axes[quantity.components]] = list(quantity.components)
-        attributes = {"units": quantity.unit, "long_name": quantity.meaning}
-        values = getattr(trajectory.block, quantity.field)
-        variables[quantity.name.replace(".", "_")] = (dimensions, values, attributes)
-    return xarray.Dataset(variables, coords=coordinates)
 
 
 def _library(name: str, purpose: str) -> Any:

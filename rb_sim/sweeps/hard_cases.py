@@ -337,51 +337,18 @@ QUICK = """
 The table is that of `--quick`: cases that take more than some seconds are not in it.
 """
 
-PEERS = """
-## Compared with other engines
-
-Made by `python -m benchmarks.hard_cases` in the same run: each engine with its best and its default
-method (%s) at steps of a sample period down to 1/1024 of it; the row is the best step.
-Judged by the same formulas, or by the energy of the states it gives; checks of reactions or
-messages have no row, nor have cases with a part that an engine's description here lacks. *Better*
-and *equal* compare the figure with rb_sim's own, which is only as accurate as its case needs.
-
-| case | engine | figure | method | step [s] | is | bound | rb_sim | CPU [s] | verdict |
-|---|---|---|---|---|---|---|---|---|---|
-"""
-
-
-class PeerRow(NamedTuple):
-    """The best result of another engine for one check of a case."""
-
-    case: str
-    engine: str
-    check: str
-    method: str
-    step: float
-    figure: float
-    bound: float
-    ours: float
-    """rb_sim's best figure."""
-    seconds: float
-    """CPU time of that run."""
-    verdict: str
-
 
 def write(
     folder: Path,
     cases: Sequence[Case],
     rows: Sequence[Row],
-    peers: Sequence[PeerRow] = (),
     quick: bool = False,
+    beside: str = "",
 ) -> list[Path]:
-    """Write the three files into the folder, four with rows of other engines. Raises OSError."""
+    """Write the three files into the folder. beside: Markdown below the table. Raises OSError."""
     paths = [folder / f"hard-cases.{kind}" for kind in ("json", "md", "png")]
     write_json([{**row._asdict(), "margin": row.margin} for row in rows], paths[0])
-    paths[1].write_text(markdown(cases, rows, peers, quick), encoding="utf-8")
-    if peers:
-        paths.append(folder / "hard-cases-peers.json")
-        write_json([row._asdict() for row in peers], paths[-1])
+    paths[1].write_text(markdown(cases, rows, quick, beside), encoding="utf-8")
     picture(cases, rows, paths[2])
     return paths
 
@@ -392,9 +359,10 @@ def number(value: float) -> str:
 
 
 def markdown(
-    cases: Sequence[Case], rows: Sequence[Row], peers: Sequence[PeerRow] = (), quick: bool = False
+    cases: Sequence[Case], rows: Sequence[Row], quick: bool = False, beside: str = ""
 ) -> str:
-    """The Markdown page: tables, and for each case its description, bounds and failing engines."""
+    """The Markdown page: the table, `beside`, and for each case its description, bounds and failing
+    engines."""
     lines = [
         f"| {row.case} | {row.method} | {row.knob} | {row.check} | {number(row.figure)} "
         f"| {row.bound:.2g} | {number(row.margin)} | {row.seconds:.2g} | {row.verdict} |\n"
@@ -403,21 +371,7 @@ def markdown(
     plain = os.environ.get("RB_SIM_INTERPRETED") == "1"
     how = "as plain Python (RB_SIM_INTERPRETED=1)" if plain else "compiled before"
     head = HEAD % (how, QUICK if quick else "")
-    return head + "".join([*lines, beside(peers), *map(described, cases)])
-
-
-def beside(peers: Sequence[PeerRow]) -> str:
-    """The table of other engines; "" without rows."""
-    if not peers:
-        return ""
-    engines = dict.fromkeys(row.engine for row in peers)
-    lines = [
-        f"| {row.case} | {row.engine} | {row.check} | {row.method} | {row.step:.2g} "
-        f"| {number(row.figure)} | {row.bound:.2g} | {number(row.ours)} | {row.seconds:.2g} "
-        f"| {row.verdict} |\n"
-        for row in peers
-    ]
-    return PEERS % ", ".join(engines) + "".join(lines)
+    return head + "".join([*lines, beside, *map(described, cases)])
 
 
 def described(case: Case) -> str:

@@ -40,7 +40,8 @@ from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-TARGETS = [1e-2, 1e-9, 1e-10, 1e-11]
+BEST = {"free_tumble": 1e-9, "gazebo_boxes": 1e-10}
+"""Sharpest of 1e-9, 1e-10 and 1e-11 that a shipped scene reaches, where it is not the last."""
 KNOWN: dict[str, Any] = {}
 
 
@@ -71,7 +72,8 @@ def true_error(name: str, simulation: Simulation) -> float:
 @pytest.mark.parametrize("name", scenes.NAMES)
 def test_the_true_error_stays_under_the_target_on_every_shipped_scene(name: str) -> None:
     reached = []
-    for target in TARGETS:
+    best = BEST.get(name, 1e-11)
+    for target in sorted({1e-2, best, 1e-11}):
         simulation = Simulation(shipped(name, method="auto", tolerance=target))
         choice = simulation.choice
         assert choice is not None
@@ -84,24 +86,24 @@ def test_the_true_error_stays_under_the_target_on_every_shipped_scene(name: str)
             assert error <= 3.0 * choice.predicted_error, choice
             assert "cannot be" in choice.reason
             assert target < 1e-9
-    assert min(reached) <= {"free_tumble": 1e-9, "gazebo_boxes": 1e-10}.get(name, 1e-11)
+    assert min(reached) <= best
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", scenes.NAMES[::3])
 def test_the_choice_costs_at_most_twice_the_cheapest_found_by_hand(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """`python -m benchmarks.auto_search` asks it of many scenes."""
     # costs are counted here: of each rung one run is timed, not as many as make a good figure
     measured = functools.partialmethod(Runner.measured_cost, budget=0.0)
     monkeypatch.setattr(Runner, "measured_cost", measured)
-    scene = shipped(name)
+    scene = shipped("pendulum")
     accuracy = climb(scene, budget=15.0)
     compiled = compile_scene(scene)
     times = sample_times(scene.simulation)
     runner = Runner(compiled, scene.simulation.duration, times)
     for target in (1e-2, 1e-4, 1e-6, 1e-8):
-        options = shipped(name, method="auto", tolerance=target).simulation
+        options = shipped("pendulum", method="auto", tolerance=target).simulation
         choice = choose(compiled, options)
         able = [r.setting for r in accuracy.rungs if r.errors.pose <= target]
         assert choice.reached and able

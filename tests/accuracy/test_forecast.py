@@ -30,7 +30,6 @@ from rb_sim.compiler.program import ForC
 from rb_sim.integrate.loop import record_into
 from rb_sim.motion import motion as pieces
 from rb_sim.motion.motion import Forecast
-from rb_sim.numerics import kernels as own_time_module
 from rb_sim.numerics.kernels import LOOP, own_time
 from rb_sim.scene.compile import compile_scene
 
@@ -205,14 +204,3 @@ def test_compiling_says_nothing_about_the_pace(
     assert left < 0.5 * took
     assert not made.goes_on(1e-6)  # the wall's time is over all the same
     assert "of wall-clock time" in made.given_up
-
-
-def test_a_compilation_that_was_broken_off_does_not_stop_the_clock() -> None:
-    timed = time.monotonic() - own_time()
-    own_time_module._COMPILING.begin()
-    time.sleep(0.01)
-    assert own_time() > 0.0
-    counted = time.monotonic() - own_time() - timed
-    assert counted >= 0.01
-    time.sleep(0.3)
-    assert abs(time.monotonic() - own_time() - timed - counted) < 0.2

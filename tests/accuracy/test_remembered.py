@@ -12,20 +12,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rb_sim.accuracy import auto
-from rb_sim.accuracy.auto import place_of, read, remembered_choice, write
+from rb_sim.accuracy.auto import remembered_choice
 from rb_sim.accuracy.choice import Choice
 from rb_sim.scene.compile import compile_scene
 from rb_sim.scene.load import scene_from_mapping
+from rb_sim.scene.schema import Scene
 
 NUT = {"mass": 1.0, "inertia": [1.0, 2.0, 3.0], "angular_velocity": [0.1, 2.0, 0.1]}
 CHOICE = Choice("rk4", 0.01, None, 1e-3, 5e-4, 1e-6, True, "as a test has it")
 
 
-def scene(tolerance: float = 1e-3, spin: float = 2.0):
+def scene(tolerance: float = 1e-3, spin: float = 2.0) -> Scene:
     body = NUT | {"angular_velocity": [0.1, spin, 0.1]}
     options = {"method": "auto", "tolerance": tolerance, "duration": 1.0}
     return scene_from_mapping({"bodies": {"nut": body}, "simulation": options})
@@ -37,33 +39,48 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_choice_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    searches = []
-    monkeypatch.setattr(auto, "choose", lambda *_: searches.append(1) or CHOICE)
+@pytest.fixture
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Targets of the searches that are made."""
+    made: list[float] = []
+
+    def choose(_: Any, options: Any) -> Choice:
+        made.append(options.tolerance)
+        return CHOICE
+
+    monkeypatch.setattr(auto, "choose", choose)
+    return made
+
+
+def choice_of(of: Scene) -> Choice:
+    return remembered_choice(of, compile_scene(of))
+
+
+def test_a_choice_is_searched_once(searches: list[float]) -> None:
     for _ in range(3):
-        assert remembered_choice(scene(), compile_scene(scene())) == CHOICE
+        assert choice_of(scene()) == CHOICE
+    choice_of(scene().model_copy(update={"description": "the same motion"}))
     assert len(searches) == 1
 
 
-def test_another_scene_or_target_is_another_choice() -> None:
-    places = {
-        place_of(other, compile_scene(other)) for other in (scene(), scene(1e-4), scene(spin=3.0))
-    }
-    assert len(places) == 3
-    again = scene().model_copy(update={"description": "the same motion"})
-    assert place_of(again, compile_scene(again)) in places
+def test_another_scene_or_target_is_another_choice(searches: list[float]) -> None:
+    for other in (scene(), scene(1e-4), scene(spin=3.0)):
+        choice_of(other)
+    assert searches == [1e-3, 1e-4, 1e-3]
 
 
-def test_what_cannot_be_read_is_made_again(folder: Path) -> None:
-    path = folder / "choice.json"
-    assert read(path) is None
-    write(path, CHOICE)
-    assert read(path) == CHOICE
-    path.write_text(path.read_text()[:-5])
-    assert read(path) is None
+def test_what_cannot_be_read_is_made_again(folder: Path, searches: list[float]) -> None:
+    choice_of(scene())
+    (file,) = folder.glob("auto-*/*")
+    file.write_bytes(file.read_bytes()[:-5])
+    assert choice_of(scene()) == CHOICE and len(searches) == 2
+    assert choice_of(scene()) == CHOICE and len(searches) == 2
 
 
-def test_the_sources_name_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = place_of(scene(), compile_scene(scene()))
+def test_a_choice_of_other_sources_is_none(
+    monkeypatch: pytest.MonkeyPatch, searches: list[float]
+) -> None:
+    choice_of(scene())
     monkeypatch.setattr(auto.shipped, "digest", lambda: "of other sources")
-    assert place_of(scene(), compile_scene(scene())) != before
+    choice_of(scene())
+    assert len(searches) == 2

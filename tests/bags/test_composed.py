@@ -21,7 +21,8 @@ from rb_sim.bags.analysis.derivatives import Body
 from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.readings import Readings
 from tests.bags.analysis import foreign
-from tests.bags.analysis.test_foreign import POSE, TF, Bag, pose, transforms, writing
+from tests.bags.analysis.foreign import Bag, transforms, writing
+from tests.bags.analysis.foreign import pose_stamped as pose
 
 T, P, Q = foreign.swing()
 """The motion of base_link in map."""
@@ -47,8 +48,8 @@ def robot(bag: Bag, every: int = 1, jump: float = 0.0) -> None:
     for k, t in enumerate(T):
         if k % every == 0:
             entry = ("map", "odom", p_mo[k], turn[k].as_quat())
-            bag.add("/tf", TF, transforms(t, entry), t)
-        bag.add("/tf", TF, transforms(t, ("odom", "base_link", p[k], q[k])), t)
+            bag.add("/tf", *transforms(t, entry), t)
+        bag.add("/tf", *transforms(t, ("odom", "base_link", p[k], q[k])), t)
 
 
 def of(path, name: str, **options) -> np.ndarray:
@@ -121,8 +122,8 @@ def test_a_parent_that_is_silent_for_long(tmp_path):
         for k, t in enumerate(T):
             if not 1.0 < t < 2.5:
                 entry = ("map", "odom", p_mo[k], turn[k].as_quat())
-                bag.add("/tf", TF, transforms(t, entry), t)
-            bag.add("/tf", TF, transforms(t, ("odom", "base_link", p[k], q[k])), t)
+                bag.add("/tf", *transforms(t, entry), t)
+            bag.add("/tf", *transforms(t, ("odom", "base_link", p[k], q[k])), t)
     rows = of(tmp_path / "x.mcap", MADE)
     t = rows[:, 0] - foreign.EPOCH
     known = (T <= 1.0) | (T >= 2.5)
@@ -139,9 +140,9 @@ def test_a_link_that_is_fixed_to_what_moves(tmp_path):
             ("mast", "base_link", eye, down.as_quat()),
             ("base_footprint", "mast", mast, up.as_quat()),
         ):
-            bag.add("/tf_static", TF, transforms(0.0, entry), 0.0)
+            bag.add("/tf_static", *transforms(0.0, entry), 0.0)
         for t, p, q in zip(T, P, Q, strict=True):
-            bag.add("/tf", TF, transforms(t, ("odom", "base_footprint", p, q)), t)
+            bag.add("/tf", *transforms(t, ("odom", "base_footprint", p, q)), t)
     name = "/tf_static:base_link (in odom by transforms)"
     rows = of(tmp_path / "x.mcap", name, frames=frozenset({"base_link"}))
     turn = Rotation.from_quat(Q)
@@ -156,8 +157,8 @@ def test_poses_of_a_topic_in_a_frame_of_the_tree(tmp_path):
         p, q = in_odom(T, P, Q)
         for k, t in enumerate(T):
             entry = ("map", "odom", p_mo[k], turn[k].as_quat())
-            bag.add("/tf", TF, transforms(t, entry), t)
-            bag.add("/drone", POSE, pose(t, p[k], q[k], "odom"), t)
+            bag.add("/tf", *transforms(t, entry), t)
+            bag.add("/drone", *pose(t, p[k], q[k], "odom"), t)
     rows = of(tmp_path / "x.mcap", "/drone (in map by transforms)")
     assert apart(rows, P, Q) < 1e-12
 
@@ -167,8 +168,8 @@ def test_each_namespace_has_its_own_tree(tmp_path):
         for t, p, q in zip(T, P, Q, strict=True):
             for name, along in (("/a", 1.0), ("/b", 5.0)):
                 entry = ("map", "odom", np.array([along, 0.0, 0.0]), Q[0])
-                bag.add(f"{name}/tf", TF, transforms(t, entry), t)
-                bag.add(f"{name}/tf", TF, transforms(t, ("odom", "base_link", p, q)), t)
+                bag.add(f"{name}/tf", *transforms(t, entry), t)
+                bag.add(f"{name}/tf", *transforms(t, ("odom", "base_link", p, q)), t)
     for name, along in (("/a", 1.0), ("/b", 5.0)):
         rows = of(tmp_path / "x.mcap", f"{name}{MADE}")
         assert apart(rows, P + [along, 0.0, 0.0], Q) < 1e-12
@@ -179,8 +180,8 @@ def test_frames_that_have_no_place_in_a_tree(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
             two = (("map", "odom", p, q), ("world", "odom", p, q), ("odom", "base_link", p, q))
-            bag.add("/tf", TF, transforms(t, *two), t)
-            bag.add("/a/tf", TF, transforms(t, ("x", "y", p, q), ("y", "x", p, q)), t)
+            bag.add("/tf", *transforms(t, *two), t)
+            bag.add("/a/tf", *transforms(t, ("x", "y", p, q), ("y", "x", p, q)), t)
     found = Readings(tmp_path / "x.mcap")
     assert all("by transforms" not in piece.source for piece in found.pieces())
 
@@ -193,7 +194,7 @@ def test_a_bag_that_was_played_twice(tmp_path):
         for k, t in enumerate(T):  # the second time odom stands 7 m further
             p, q = in_odom(T[k : k + 1], P[k : k + 1], Q[k : k + 1])
             entry = ("map", "odom", p_mo[k] + [7.0, 0.0, 0.0], turn[k].as_quat())
-            bag.add("/tf", TF, transforms(t, entry, ("odom", "base_link", p[0], q[0])), 10.0 + t)
+            bag.add("/tf", *transforms(t, entry, ("odom", "base_link", p[0], q[0])), 10.0 + t)
     rows = of(tmp_path / "x.mcap", MADE)
     expected = np.concatenate([P, P + [7.0, 0.0, 0.0]])
     assert apart(rows, expected, np.concatenate([Q, Q])) < 1e-12
@@ -219,8 +220,8 @@ def test_memory_is_bounded_where_a_parent_falls_silent(tmp_path, monkeypatch):
     with writing(tmp_path / "x.mcap", chunk_size=400) as bag:
         for k, t in enumerate(T):
             if k < 2:
-                bag.add("/tf", TF, transforms(t, ("map", "odom", P[k], Q[k])), t)
-            bag.add("/tf", TF, transforms(t, ("odom", "base_link", p[k], q[k])), t)
+                bag.add("/tf", *transforms(t, ("map", "odom", P[k], Q[k])), t)
+            bag.add("/tf", *transforms(t, ("odom", "base_link", p[k], q[k])), t)
     rows = of(tmp_path / "x.mcap", MADE)
     assert len(rows) == 2
     assert any(f"{len(T) - 2} poses skipped" in note for note in made[0].notes)

@@ -24,8 +24,9 @@ from rb_sim.bags.tracks import Tracks, tracks_of_bag
 from rb_sim.base.errors import MissingExtraError, RbSimError, SinkError
 from rb_sim.cli.verbs.replay import PlayOptions, play, replay
 from tests.bags.analysis import foreign
-from tests.bags.analysis.test_foreign import TF, P, Q, T, transforms, writing
-from tests.bags.analysis.test_foreign import pose as stamped
+from tests.bags.analysis.foreign import pose_stamped as stamped
+from tests.bags.analysis.foreign import transforms, writing
+from tests.bags.analysis.test_foreign import P, Q, T
 from tests.bags.fit.test_fit_foreign import poses, pushes, write
 from tests.io.test_rerun import column, needs_rerun, run
 
@@ -88,10 +89,10 @@ def test_frames_are_drawn_in_the_root_of_their_tree(tmp_path):
     still = np.array([0.0, 0.0, 0.0, 1.0])
     with writing(tmp_path / "x.mcap") as bag:
         static = transforms(T[0], ("base", "lidar", np.array([0.0, 0.0, 1.0]), still))
-        bag.add("/tf_static", TF, static, T[0])
+        bag.add("/tf_static", *static, T[0])
         for t, p, q in zip(T, P, Q, strict=True):
             odom = "map", "odom", np.array([t, 0.0, 0.0]), still
-            bag.add("/tf", TF, transforms(t, odom, ("odom", "base", p, q)), t)
+            bag.add("/tf", *transforms(t, odom, ("odom", "base", p, q)), t)
     tracks = tracks_of_bag(tmp_path / "x.mcap")
     assert drawn(tracks) == ["/tf:odom", "/tf:base (in map by transforms)"]
 
@@ -100,8 +101,8 @@ def test_frames_are_drawn_in_the_root_of_their_tree(tmp_path):
 def test_frames_that_nothing_connects_are_told(tmp_path, capsys):
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
-            bag.add("/a", "geometry_msgs/msg/PoseStamped", stamped(t, p, q, "map"), t)
-            bag.add("/b", "geometry_msgs/msg/PoseStamped", stamped(t, p, q, "mocap"), t)
+            bag.add("/a", *stamped(t, p, q, "map"), t)
+            bag.add("/b", *stamped(t, p, q, "mocap"), t)
     replay(tmp_path / "x.mcap", tmp_path / "x.rrd")
     reported = "warning: no transform connects the frames map, mocap: drawn as if they were one\n"
     assert reported in capsys.readouterr().err

@@ -29,26 +29,21 @@ from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.load import load_scene
 from rb_sim.simulation.simulation import Simulation
 from tests.bags.analysis import foreign
-from tests.bags.analysis.test_foreign import POSE, TWIST, P, Q, T, pose, writing
+from tests.bags.analysis.foreign import pose_stamped as pose
+from tests.bags.analysis.foreign import twist_stamped, writing
+from tests.bags.analysis.test_foreign import P, Q, T
 
 V, W = np.c_[1.5 * np.cos(3.0 * T), 0.0 * T, 0.0 * T + 0.2], np.array([0.0, 0.0, 0.8])
 """Of the swing, world axes."""
 
 
-def stamped(t: float, v: np.ndarray, w: np.ndarray, frame: str):
-    types = foreign.STORE.types
-    linear, angular = (types["geometry_msgs/msg/Vector3"](*map(float, x)) for x in (v, w))
-    twist = types["geometry_msgs/msg/Twist"](linear=linear, angular=angular)
-    return types[TWIST](header=foreign.header(t, frame), twist=twist)
-
-
 def write(path: Path, frame: str, v: np.ndarray, other: str = "") -> Path:
     with writing(path) as bag:
         for k, t in enumerate(T):
-            bag.add("/drone/pose", POSE, pose(t, P[k], Q[k]), t)
-            bag.add("/drone/twist", TWIST, stamped(t, v[k], W, frame), t)
+            bag.add("/drone/pose", *pose(t, P[k], Q[k]), t)
+            bag.add("/drone/twist", *twist_stamped(t, v[k], W, frame), t)
             if other:
-                bag.add(f"/drone/{other}", POSE, pose(t, P[k] + 1.0, Q[k]), t)
+                bag.add(f"/drone/{other}", *pose(t, P[k] + 1.0, Q[k]), t)
     return path
 
 
@@ -79,7 +74,7 @@ def test_a_twist_beside_two_poses_is_of_neither(tmp_path):
 def test_poses_whose_stamps_go_back_are_counted(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, t in enumerate(T):
-            bag.add("/drone/pose", POSE, pose(t if k != 100 else 1.5, P[k], Q[k]), t)
+            bag.add("/drone/pose", *pose(t if k != 100 else 1.5, P[k], Q[k]), t)
     tracks = tracks_of_bag(tmp_path / "x.mcap")
     # that of sample 100 is 1.5 s: so long the clock of the others is behind it
     assert len(tracks.bodies["/drone/pose"].t) == len(T) - 50

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from benchmarks.hard_cases import compare
-from benchmarks.hard_cases.compare import judged_checks, said
+from benchmarks.hard_cases.compare import PeerRow, judged_checks, said, table_of
 from benchmarks.hard_cases.described import CannotExpressError, described
 from benchmarks.peers import __main__ as command
 from benchmarks.peers import check, engine_scipy, measure, report, scenes
@@ -27,7 +27,7 @@ from benchmarks.peers.reference import Reference, pose_error
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.hard_cases import shipped
-from rb_sim.sweeps.hard_cases import PeerRow, Row, beside, load_cases
+from rb_sim.sweeps.hard_cases import Row, load_cases
 
 
 @pytest.mark.parametrize("name", scenes.NAMES)
@@ -251,7 +251,7 @@ def test_an_engine_that_is_better_is_said_to_be() -> None:
     assert said(1e-7, 1e-8, 1e-7) == "fails by 10, equal to rb_sim"
     assert said(1e-5, 1e-8, 1e-7) == "fails by 1e+03"
     row = PeerRow("c", "drake", "energy", "m", 1e-3, 1e-9, 1e-8, 1e-7, 0.1, "holds")
-    assert "| c | drake | energy | m | 0.001 | 1e-09 | 1e-08 | 1e-07 | 0.1 | holds |" in beside(
+    assert "| c | drake | energy | m | 0.001 | 1e-09 | 1e-08 | 1e-07 | 0.1 | holds |" in table_of(
         [row]
     )
 

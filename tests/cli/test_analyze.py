@@ -13,44 +13,37 @@ from __future__ import annotations
 
 import pytest
 
+from rb_sim.bags.analysis import analysis_page
 from rb_sim.cli.verbs import analyze
+from tests.bags.analysis import foreign
 from tests.cli.process import invoke
 
 
-def reported(count: int) -> dict:
-    row = {"least": -1.0, "largest": 1.0, "rms": 0.5, "peak_frequency": None}
-    source = {"count": 7, "rate": 50.0, "gaps": 0, "backwards": 0, "values": {"x": row}}
-    return {
-        "sources": {f"/robot{k}/pose": source for k in range(count)},
-        "bodies": {f"/robot{k}/pose": {"note": "too few"} for k in range(count)},
-        "balance": None,
-        "events": [],
-        "balances": {},
-        "constraints": None,
-        "contacts": None,
-    }
-
-
-def test_the_terminal_shows_the_first_of_thousands(monkeypatch, capsys):
+def test_the_terminal_shows_the_first_of_thousands(monkeypatch, tmp_path):
     """Laying out a table takes a millisecond a line; JSON has all of them."""
-    monkeypatch.setattr(analyze, "SHOWN", 3)
-    analyze._print(reported(5))
-    text = capsys.readouterr().out
-    assert text.count("/robot") == 3 + 3 + 3 and "/robot3" not in text
-    assert "and 2 more sources (all with --json or --out DIR)" in text
-    assert "and 2 more bodies (all with --json or --out DIR)" in text
-    analyze._print(reported(3))
-    assert "more" not in capsys.readouterr().out
+    monkeypatch.setattr(analyze, "MOST", 3)
+    monkeypatch.setattr(analysis_page, "MOST", 3)
+    for count in (5, 3):
+        names = [f"/robot{k}/pose" for k in range(count)]
+        bag = foreign.record(
+            tmp_path / str(count),
+            ((t, name, *foreign.pose_stamped(t, p, q))
+             for t, p, q in zip(*foreign.swing(5), strict=True) for name in names),
+        )  # fmt: skip
+        text = invoke("analyze", bag).stdout
+        assert text.count("/robot") == 3 + 3 + 3 and "/robot3" not in text
+        for what in ("sources", "bodies"):
+            assert (f"and 2 more {what} (all with --json or --out DIR)" in text) == (count == 5)
 
 
 @pytest.mark.parametrize(
     ("scene", "duration", "said", "times"),
     [
         # of a box its lower corners, not the upper ones; the gap is 0 or rounding of either sign
-        ("incline_block", 0.5, ": closed; largest overlap", 4),
-        ("bouncing_ball", 0.1, "open at all samples; smallest gap 0.", 1),
+        ("incline_block", 0.5, "overlap, closed [m]", 4),
+        ("bouncing_ball", 0.1, "gap, open at all samples [m]", 1),
         # an impact between samples, which these do not show
-        ("bouncing_ball", 1.0, "open at all samples; smallest gap 0.", 1),
+        ("bouncing_ball", 1.0, "gap, open at all samples [m]", 1),
         ("bouncing_ball", 1.0, "events: 1 impact", 1),
     ],
 )

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
 import rb_sim
@@ -30,7 +29,7 @@ from rb_sim.cli.verbs.info import info
 from rb_sim.cli.verbs.linearize import linearize
 from rb_sim.cli.verbs.statics import statics
 from rb_sim.io.bag.bag_sink import BagSink
-from tests.bags.analysis.foreign import EPOCH, STORE, pose_stamped, swing
+from tests.bags.analysis.foreign import pose_stamped, record, swing
 from tests.equilibrium.test_linearize import LEVER, THRESHOLD, disk, top
 
 SPINNING = {
@@ -236,14 +235,9 @@ NAMES = ("/[/]", "/[bold]arm[/bold]", "/:smile:", "/[s]")
 def odd(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bag whose topics look like rich's markup and emoji."""
     folder = tmp_path_factory.mktemp("odd") / "bag"
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for topic in NAMES:
-            kind, _ = pose_stamped(0.0, [0.0] * 3, [0.0, 0.0, 0.0, 1.0])
-            connection = writer.add_connection(topic, kind, typestore=STORE)
-            for t, p, q in zip(*swing(40), strict=True):
-                message = bytes(STORE.serialize_cdr(pose_stamped(t, p, q)[1], kind))
-                writer.write(connection, round((EPOCH + t) * 1e9), message)
-    return folder
+    motion = [*zip(*swing(40), strict=True)]
+    entries = ((x[0], topic, *pose_stamped(*x)) for topic in NAMES for x in motion)
+    return record(folder, entries)
 
 
 def test_info(odd: Path, capsys: pytest.CaptureFixture[str], monkeypatch) -> None:

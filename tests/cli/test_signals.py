@@ -45,7 +45,7 @@ def test_a_verb_that_is_ended_leaves_no_folder_behind(number, tmp_path, capsys):
     def act() -> int:
         with tempfile.TemporaryDirectory(dir=tmp_path):
             os.kill(os.getpid(), number)
-            time.sleep(10.0)
+            time.sleep(60.0)
         return 0
 
     assert _exit_code(act) == 128 + number
@@ -89,7 +89,7 @@ def test_a_forked_process_ends_by_the_signal():
         child = os.fork()
         if not child:
             os.write(writer, b"up")  # what comes before Python is up in it is lost
-            time.sleep(10.0)
+            time.sleep(60.0)
             os._exit(0)
         os.read(reader, 2)
         os.kill(child, signal.SIGTERM)
@@ -113,16 +113,16 @@ def test_a_signal_that_a_callback_loses_is_answered_a_moment_later(tmp_path, cap
         try:
             lost = Lost()
             del lost
-            time.sleep(10.0)
+            time.sleep(60.0)
+            removed.append("a minute later")
         finally:
             time.sleep(0.5)
-            removed.append(True)
+            removed.append("all")
         return 0
 
-    before, began = signal.getsignal(signal.SIGALRM), time.monotonic()
+    before = signal.getsignal(signal.SIGALRM)
     assert _exit_code(act) == 128 + signal.SIGTERM
-    assert time.monotonic() - began < 5.0
-    assert removed and capsys.readouterr().err == "interrupted\n"
+    assert removed == ["all"] and capsys.readouterr().err == "interrupted\n"
     assert signal.getsignal(signal.SIGALRM) == before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
@@ -139,7 +139,7 @@ def test_an_alarm_that_comes_as_the_timer_is_stopped_does_not_start_it_again(mon
 
     def act() -> int:
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(10.0)
+        time.sleep(60.0)
         return 0
 
     monkeypatch.setattr(signal, "setitimer", late)
@@ -189,7 +189,7 @@ def test_signals_while_the_process_ends_do_not_change_its_status(start, status):
     if "ros" in start:
         pytest.importorskip("rclpy")
     code = ENDING.format(start=start)
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=100)
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=PATIENCE)
     assert ended.returncode == status, ended.stderr
 
 
@@ -207,7 +207,7 @@ with Interruption() as stop:
 def test_what_a_script_starts_in_the_background_hears_sigint_and_nohup_is_kept():
     """A shell without job control has SIGINT ignored for what it starts by `&`."""
     command = f"trap '' HUP; {sys.executable} -c '{IN_A_SCRIPT}' & wait"
-    ended = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=PATIENCE)
     assert ended.stdout.split() == ["None", "SIGINT"], ended.stderr
 
 

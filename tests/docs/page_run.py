@@ -150,7 +150,7 @@ def _node(arguments: list[str]) -> tuple[int, str]:
     done = subprocess.run(
         [sys.executable, "-m", "rb_sim", *arguments],
         env=os.environ | {"ROS_DOMAIN_ID": own_domain(), "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=240,
     )  # fmt: skip
     return done.returncode, done.stdout
 

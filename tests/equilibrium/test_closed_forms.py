@@ -7,14 +7,10 @@
 # or implied. See the License for the specific language governing permissions and limitations under
 # the License.
 
-"""Reference cases, and what the closed forms of `rb_sim accuracy` do not reach.
-
-Shipped scenes are measured against those in tests/accuracy/test_statics.py.
-"""
+"""Reactions of the shipped scenes, by their closed forms."""
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -24,13 +20,9 @@ import pytest
 from rb_sim.equilibrium.statics import solve
 from rb_sim.equilibrium.statics_tables import StaticsResult
 from rb_sim.scene.load import load_statics
-from tests.equilibrium.scenes import ladder, table
+from tests.equilibrium.scenes import table
 
 CONFIG = Path(__file__).parents[2] / "config" / "statics"
-CASES = {
-    case["id"]: case
-    for case in json.loads((Path(__file__).parent / "reference_cases.json").read_text())
-}
 G = 9.81
 EXACT = 1e-12
 """Relative to the largest load: determinate reactions come from one well-conditioned solve."""
@@ -58,96 +50,70 @@ def test_every_shipped_scene_is_in_equilibrium_and_described():
             assert np.abs([force, torque]).max() < EXACT * 600.0
 
 
-def point_scene(case):
-    """A weightless body at the world origin with the case's contacts and loads at their points."""
-    supports = {}
-    for contact in case["constraint"]["contacts"]:
-        name = contact["name"]
-        base = {"body": "body", "point_B": contact["point"]}
-        if name.startswith("T"):
-            far = np.add(contact["point"], contact["direction"]).tolist()
-            supports[name] = base | {"type": "string", "point_A": far}
-        else:
-            supports[name] = base | {"type": "contact", "normal_A": contact["direction"]}
-    loads = {
-        f"load{i}": {
-            "type": "wrench",
-            "body": "body",
-            "force": load["force_world"],
-            "point_B": load["point"],
-        }
-        for i, load in enumerate(case["loads"])
-    }
-    return load_statics({"bodies": {"body": {}}, "supports": supports, "loads": loads})
+TILT = math.pi / 6
+"""Of the shipped rods from the vertical; the ladders have other ones."""
+SHORT_ROD, LADDER = 8.0 * G, 15.0 * G
+EDGE = 10.0 * G * 3.0 * math.sin(2 * TILT) / (4 * 1.2)
+"""Landau & Lifshitz, section 38, problem 2: P l sin(2 alpha) / (4 h)."""
+TIED = 15.0 * math.tan(TILT)
+"""Problem 4: (F/4) cot alpha of the floor."""
+PULL = 0.5 * SHORT_ROD * math.tan(TILT)
+"""Problem 3: (P/2) cot alpha; the rod's vertical plane is at 30 degrees to the wall."""
+WALL = 0.5 * LADDER * math.tan(0.4363323129985824)
+ROUGH_WALL = 0.5 * LADDER / (1.0 / math.tan(0.6108652381980153) + 0.25)
+"""Of least norm, friction at the wall is as large as it may be: N H = (P/2 - mu N) D."""
+
+BY_HAND: dict[str, dict[str, list[float]]] = {
+    "hinged_rods": {
+        "floor_A": [0, 0, 45.0],
+        "floor_B": [0, 0, 15.0],
+        "string": [-TIED, 0, 0],
+        "hinge_C": [TIED, 0, -15.0],
+    },
+    "ladder_smooth_wall": {"floor": [WALL, 0, LADDER], "wall": [-WALL, 0, 0]},
+    "ladder_rough_wall": {
+        "floor": [ROUGH_WALL, 0, LADDER - 0.25 * ROUGH_WALL],
+        "wall": [-ROUGH_WALL, 0, 0.25 * ROUGH_WALL],
+    },
+    "rod_over_wall": {
+        "edge_C": [EDGE * math.cos(TILT), 0, EDGE * math.sin(TILT)],
+        "floor_B": [0, 0, 10.0 * G - EDGE * math.sin(TILT)],
+        "string": [-EDGE * math.cos(TILT), 0, 0],
+    },
+    "rod_two_planes": {
+        "floor_B": [0, 0, SHORT_ROD],
+        "string_BC": [-PULL * math.cos(TILT), -0.5 * PULL, 0],
+        "wall_A": [0, 0.5 * PULL, 0],
+        "string_AD": [PULL * math.cos(TILT), 0, 0],
+    },
+    "sphere_held": {"floor": [-7.0, 4.0, 2.0 * G]},
+}
 
 
-@pytest.mark.parametrize("case_id", ["statics_rod_wall", "statics_rod_two_planes"])
-def test_reference_rods(case_id):
-    case = CASES[case_id]
-    result = solve(point_scene(case))
-    assert result.verdict == "equilibrium"
-    for name, value in case["expected"].items():
-        assert along(result, name) == pytest.approx(value, rel=EXACT)
+@pytest.mark.parametrize("name", BY_HAND)
+def test_shipped_scene_has_the_reactions_of_its_closed_form(name: str) -> None:
+    result = shipped(name)
+    assert set(result.reactions) == set(BY_HAND[name])
+    for support, force in BY_HAND[name].items():
+        assert result.reactions[support].force == pytest.approx(force, rel=EXACT, abs=1e-9)
 
 
-@pytest.mark.parametrize("case_id", ["statics_table_centered", "statics_table_offset"])
-def test_reference_tables(case_id):
-    case = CASES[case_id]
-    result = solve(point_scene(case))
-    assert result.verdict == "indeterminate"
-    for name, value in case["expected"]["min_norm"].items():
-        assert along(result, name) == pytest.approx(value, rel=EXACT)
-
-
-def test_reference_hinged_rods():
-    case = CASES["statics_hinged_rods"]
-    body, load = case["body"], case["loads"][0]
-    up = {"type": "contact", "normal_A": [0.0, 0.0, 1.0]}
-    scene = {
-        "bodies": {"AC": {}, "CB": {}},
-        "supports": {
-            "R_A": up | {"body": "AC", "point_B": body["A"]},
-            "R_B": up | {"body": "CB", "point_B": body["B"]},
-            "C": {"type": "hinge", "body": "CB", "parent": "AC", "point_B": body["C"]},
-            "T": {
-                "type": "string",
-                "body": "CB",
-                "parent": "AC",
-                "point_B": body["B"],
-                "point_A": body["A"],
-            },
-        },
-        "loads": {
-            "F": {
-                "type": "wrench",
-                "body": "AC",
-                "force": load["force_world"],
-                "point_B": load["point"],
-            }
-        },
-    }
-    result = solve(load_statics(scene))
-    expected = case["expected"]
-    assert result.verdict == "equilibrium"
-    for name in ("R_A", "R_B", "T"):
-        assert along(result, name) == pytest.approx(expected[name], rel=EXACT)
-    on_cb = [expected["hinge_on_CB_x"], 0.0, expected["hinge_on_CB_z"]]
-    assert result.reactions["C"].force == pytest.approx(on_cb, rel=EXACT, abs=1e-12)
-
-
-def test_reference_ladders():
-    smooth, rough = CASES["statics_ladder_smooth_wall"], CASES["statics_ladder_rough_wall"]
-    body, expected = smooth["body"], smooth["expected"]
-    result = solve(load_statics(ladder(body["angle_to_floor"], 0.3, 0.0, body["weight"])))
-    assert result.verdict == "equilibrium"
-    floor = result.reactions["floor"]
-    assert floor.along == pytest.approx(expected["N_floor"], rel=EXACT)
-    assert floor.force[0] == pytest.approx(expected["friction_floor"], rel=EXACT)
-    assert floor.friction_used == pytest.approx(expected["friction_ratio"], rel=EXACT)
-    assert along(result, "wall") == pytest.approx(expected["N_wall"], rel=EXACT)
-    body = rough["body"]
-    result = solve(load_statics(ladder(body["angle_to_floor"], 0.4, 0.25, body["weight"])))
-    assert result.verdict == "indeterminate"
+@pytest.mark.parametrize(("name", "x", "y"), [("table_centred", 0, 0), ("table_offset", 0.2, -0.1)])
+def test_shipped_table_has_the_reactions_and_ranges_of_its_closed_form(
+    name: str, x: float, y: float
+) -> None:
+    """Legs at (+-a, +-b) bear (P/4) (1 +- x/a +- y/b), and s (+1, -1, +1, -1) besides until a leg
+    lifts."""
+    result = shipped(name)
+    signs = [(1, 1), (-1, 1), (-1, -1), (1, -1)]
+    normals = [5.0 * G + 100.0 * (1 + i * x / 0.8 + j * y / 0.5) for i, j in signs]
+    down, rise = min(normals[::2]), min(normals[1::2])
+    for k, normal in enumerate(normals):
+        leg = f"leg_{k + 1}"
+        less, more = (down, rise) if k % 2 == 0 else (rise, down)
+        assert along(result, leg) == pytest.approx(normal, rel=EXACT)
+        span = [normal - less, normal + more]
+        assert result.ranges[leg].along == pytest.approx(span, abs=1e-9 * 600.0)
 
 
 def test_least_norm_with_a_leg_off_the_ground():

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.bags.info import info
@@ -38,18 +38,8 @@ def write(
     times: slice = slice(None), make=foreign.pose_stamped,
 ) -> Path:  # fmt: skip
     """The swing as somebody records it on /body."""
-    writer = Writer(folder, version=9, storage_plugin=plugin)
-    if mode is not None:
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connection = None
-        for t, p, q in zip(T[times], P[times], Q[times], strict=True):
-            kind, message = make(t, p, q)
-            if connection is None:
-                connection = writer.add_connection("/body", kind, typestore=foreign.STORE)
-            data = bytes(foreign.STORE.serialize_cdr(message, kind))
-            writer.write(connection, round((foreign.EPOCH + t) * 1e9), data)
-    return folder
+    motion = zip(T[times], P[times], Q[times], strict=True)
+    return foreign.record(folder, ((x[0], "/body", *make(*x)) for x in motion), plugin, mode)
 
 
 @pytest.mark.parametrize("make", [foreign.pose_stamped, foreign.odometry, foreign.tf])

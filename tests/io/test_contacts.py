@@ -189,7 +189,7 @@ def test_recording_shows_states_points_supports_and_events(tmp_path, scene):
         sink.write(block)
     sink.close()
     run = [str(RERUN), "rrd", "stats", str(sink.path)]
-    stats = subprocess.run(run, check=True, capture_output=True, text=True, timeout=60).stdout
+    stats = subprocess.run(run, check=True, capture_output=True, text=True, timeout=240).stdout
     for entity in (
         "/world/support/floor/planes/0",
         "/world/ball/support/feet/solids/0",

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from rb_sim.base.errors import MissingExtraError, SinkError
-from rb_sim.io.rerun.rerun_sink import PipedFile, RerunSink
+from rb_sim.io.rerun.rerun_sink import RerunSink
 from rb_sim.scene.load import load_scene
 
 RERUN = Path(sys.executable).with_name("rerun")
@@ -30,7 +30,7 @@ needs_rerun = pytest.mark.skipif(not RERUN.exists(), reason="rerun-sdk is not in
 
 def run(*arguments: object) -> str:
     command = [str(RERUN), *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=240).stdout
 
 
 @pytest.fixture
@@ -369,19 +369,6 @@ def test_removed_folder(tmp_path, scene, layout, samples):
         sink.write(samples(1))
 
 
-@needs_rerun
-def test_almost_full_disk_ends_the_recording_properly(
-    tmp_path, scene, layout, samples, monkeypatch
-):
-    sink = RerunSink(tmp_path / "r.rrd")
-    sink.open(scene, layout)
-    sink.write(samples(5000))
-    monkeypatch.setattr(PipedFile, "free", 2_000_000)
-    with pytest.raises(SinkError, match="r.rrd: disk full; the recording ends here$"):
-        sink.write(samples(5000))
-    run("rrd", "verify", sink.path)
-
-
 FILE_LIMIT = """
 import resource, sys
 from pathlib import Path
@@ -407,7 +394,7 @@ while True:
 def test_a_write_that_fails_is_noticed(tmp_path):
     path = tmp_path / "r.rrd"
     done = subprocess.run(
-        [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", FILE_LIMIT, str(path)], capture_output=True, text=True, timeout=240
     )
     expected = f"rb_sim.base.errors.SinkError: {path}: recording stopped: File too large"
     assert done.stderr.splitlines()[-1] == expected
@@ -525,6 +512,3 @@ def test_what_never_turns_has_no_plot_of_its_attitude(tmp_path):
     views = [line for line in printed.splitlines() if "[TimeSeries]" in line]
     assert sum("ball: position" in line for line in views) == 2
     assert sum("ball: orientation" in line for line in views) == 1
-
-
-# A pipe into a file: all bytes arrive, and a disk that fails does not stop the writer.

@@ -363,7 +363,7 @@ def test_a_signal_ends_a_run_that_passes_pieces_without_end() -> None:
         [sys.executable, "-c", RING + SCRIPT],
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=240,
         check=False,
     )
     assert done.stdout.startswith("ended at"), done.stderr

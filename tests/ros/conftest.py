@@ -19,6 +19,7 @@ import sys
 import sysconfig
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -76,9 +77,9 @@ class NodeProcess:
         return self.process.wait(timeout)
 
 
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
-    """start(scene, name=value, ...) starts a node with these parameters.
+@contextmanager
+def starting(folder: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """start(scene, name=value, ...) starts a node with these parameters, which ends with the block.
 
     ready: wait until it runs. It looks for no other node of its name unless a value of `discovery`
     is given: each of these tests has a domain of its own. In `out` it writes the bag alone unless
@@ -96,17 +97,26 @@ def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
         for name, value in ({"discovery": 0} | bag_alone | values).items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             arguments += ["-p", f"{name}:={text}"]
-        node = NodeProcess(arguments, tmp_path / f"node{len(running)}.log", limit)
+        node = NodeProcess(arguments, folder / f"node{len(running)}.log", limit)
         running.append(node)
         if ready:
             node.wait_for("takes commands on")
         return node
 
-    yield begin
-    for node in running:
-        if node.process.poll() is None:
-            node.process.kill()
-            node.process.wait()
+    try:
+        yield begin
+    finally:
+        for node in running:
+            if node.process.poll() is None:
+                node.process.kill()
+                node.process.wait()
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """See `starting`."""
+    with starting(tmp_path) as begin:
+        yield begin
 
 
 def importable(package: str) -> None:
@@ -160,7 +170,7 @@ def client(context: Context) -> Iterator[Client]:
     client.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def sphere() -> Path:
     """The shipped rolling sphere: m = 2 kg, a = 0.1 m, commanded."""
     return ROOT / "config" / "rolling_sphere_commanded.yaml"

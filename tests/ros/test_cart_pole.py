@@ -25,7 +25,7 @@ from tests.ros.conftest import ROOT
 EXAMPLE = ROOT / "examples" / "cart_pole"
 CART, POLE, HALF, G = 1.0, 0.2, 0.5, 9.81
 INERTIA = POLE * (2 * HALF) ** 2 / 12
-SECONDS = 4.0
+SECONDS = 2.0
 
 
 def rates(_: float, y: np.ndarray, force: float) -> list[float]:
@@ -47,40 +47,47 @@ def expected(gain: list[float]) -> np.ndarray:
     return np.array(states)
 
 
+def gain_of(printed: str) -> list[float]:
+    """The controller's gain, as it prints it."""
+    return [float(word) for word in printed.splitlines()[0][6:-1].split(",")]
+
+
 def test_the_pole_is_balanced_as_the_equations_say(advance: type, start, tmp_path: Path):
     start(EXAMPLE / "cart_pole.yaml", start_paused=True)
     saved = tmp_path / "states.npy"
     command = [sys.executable, EXAMPLE / "balance.py", "--save", saved, "--seconds", str(SECONDS)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
-    gain = [float(word) for word in done.stdout.splitlines()[0][6:-1].split(",")]
+    gain = gain_of(done.stdout)
     states = np.load(saved)
     # the printed gain has four decimals
     np.testing.assert_allclose(states, expected(gain), atol=2e-5)
     assert np.max(np.abs(states[:, 1])) > np.radians(3.0)
-    assert abs(states[-1, 1]) < np.radians(0.1)
+    assert abs(states[-1, 1]) < np.radians(0.5)
     # without the controller the same push lets the pole fall
     fallen = solve_ivp(rates, (0, 1.0), states[10], args=(0.0,), rtol=1e-8).y[1, -1]
     assert abs(fallen) > np.radians(60.0)
 
 
-def test_the_pole_is_balanced_over_topics_and_the_bag_tells_how(start, tmp_path: Path):
-    """At a fifth of real time, since the controller shares the machine with other tests; what it
-    computes from each sample acts some samples later, so the closed form does not apply."""
+def test_over_topics_each_command_is_the_gain_times_what_a_sample_says(start, tmp_path: Path):
+    """How late it acts is up to the machine, and so is whether the pole stays up."""
     out = tmp_path / "run"
     node = start(EXAMPLE / "cart_pole.yaml", start_paused=True, real_time_factor=0.2, out=out)
-    command = [sys.executable, EXAMPLE / "balance.py", "--topics", "--seconds", "2"]
+    command = [sys.executable, EXAMPLE / "balance.py", "--topics", "--seconds", "1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     assert node.stop() == 0
     bag = bags.read(out / "bag")
-    angle = np.array([
-        2.0 * np.arctan2(m.pose.orientation.y, m.pose.orientation.w)
-        for m in bag["/rb_sim/pole/pose"].messages
-    ])  # fmt: skip
-    assert np.max(np.abs(angle)) > np.radians(3.0)
-    assert abs(angle[-1]) < np.radians(1.0)
-    assert len(bag["/rb_sim/cart/wrench_command"].messages) > 50
+    turns = [message.pose.orientation for message in bag["/rb_sim/pole/pose"].messages]
+    angle = np.array([2.0 * np.arctan2(q.y, q.w) for q in turns])
+    x, v = bag["/rb_sim/cart/pose"].position[:, 0], bag["/rb_sim/cart/twist"].twist[:, 0]
+    states = np.stack([x, angle, v, bag["/rb_sim/pole/twist"].twist[:, 4]], axis=1)
+    by_sample = -states @ gain_of(done.stdout)
+    force = bag["/rb_sim/cart/wrench_command"].wrench[:, 0]
+    pushed = np.count_nonzero(force == 5.0)
+    assert pushed > 0 and len(force) > pushed
+    closest = np.abs(force[pushed:, None] - by_sample).min(axis=1)
+    assert closest.max() < 1e-3 * np.abs(force).max()  # the printed gain has four decimals
 
 
 # `make run`: what it says is there is there, the second time, too.

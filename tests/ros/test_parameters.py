@@ -20,7 +20,6 @@ import pytest
 import yaml
 
 from rb_sim.ros.parameters import Settings, refusal
-from tests.ros.client import Client
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -113,40 +112,9 @@ def test_a_wrong_start_is_one_line(sphere, tmp_path: Path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
 
 
-def test_changes_while_running(sphere, start, client: Client):
-    """And what they are is told: ranges, meanings, which may change."""
-    node = start(sphere)
-    described = client.describe("real_time_factor")
-    assert "as fast as possible" in described.description
-    (limits,) = described.floating_point_range
-    assert (limits.from_value, limits.to_value) == (0.0, 1e4)
-    assert not described.read_only
-    assert client.describe("rate").read_only
-    assert "dopri853" in client.describe("method").additional_constraints
-    for value, reason in (
-        (-1.0, "out of range"),
-        (float("nan"), "out"),
-        ("fast", "must be of type"),
-    ):
-        result = client.set("real_time_factor", value)
-        assert not result.successful and reason in result.reason, result
-    result = client.set("rate", 10.0)
-    assert not result.successful and "read-only" in result.reason
-    assert client.set("wrench_timeout", 1).successful  # an integer where a number is meant
-    assert client.set("real_time_factor", 4.0).successful
-    values = client.diagnostics(
-        lambda v: (
-            v["real-time factor, set"] == "4" and float(v["real-time factor, measured"]) > 0.0
-        ),
-        "measured real-time factor",
-    )
-    assert float(values["step time, mean [us]"]) > 0.0
-    assert float(values["constraint residual"]) < 1e-12
-    assert node.process.poll() is None
-
-
-def test_parameters_of_other_nodes_alone_are_told(sphere, start, tmp_path: Path):
-    """A file whose limits are of a node of another name limits nothing."""
+def test_parameters_that_the_node_does_not_have_are_named(sphere, start, tmp_path: Path):
+    """A safety limit that is misspelt limits nothing, nor does that of a node of another name;
+    those that it has go before the scene's."""
     files = {
         "robot": {"/robot": {"ros__parameters": {"max_force": 5.0}}},
         "inner": {"lab": {"rb_sim": {"ros__parameters": {"max_force": 5.0}}}},
@@ -158,34 +126,16 @@ def test_parameters_of_other_nodes_alone_are_told(sphere, start, tmp_path: Path)
     for name, content in files.items():
         (tmp_path / name).write_text(json.dumps(content))
         ros += ["--params-file", str(tmp_path / name)]
-    node = start(sphere, ros=tuple(ros))
+    misspelt = {"max_forse": 5.0, "joint_state": True, "qos_overrides./clokc.publisher.depth": 2}
+    known = {"use_sim_time": False, "qos_overrides./clock.publisher.depth": 2}
+    node = start(sphere, ros=tuple(ros), **misspelt, **known)
     assert node.wait() == 0
     assert f"{tmp_path / 'robot'}: sets parameters of /robot, none of /rb_sim" in node.text
     assert f"{tmp_path / 'inner'}: sets parameters of /lab/rb_sim, none of /rb_sim" in node.text
     assert "-p rbsim:max_torque: sets parameters of rbsim, none of /rb_sim" in node.text
     assert node.text.count("sets parameters of") == 3
-    assert "250 samples per second" in node.text
-
-
-def test_parameters_that_the_node_does_not_have_are_named_in_one_line(sphere, start):
-    """A safety limit that is misspelt limits nothing; those that it has go before the scene's."""
-    node = start(
-        sphere,
-        rate=250,
-        method="rk4",
-        step=0.001,
-        duration=0.1,
-        max_forse=5.0,
-        joint_state=True,
-        use_sim_time=False,
-        **{
-            "qos_overrides./clock.publisher.depth": 2,
-            "qos_overrides./clokc.publisher.depth": 2,
-        },
-    )
-    assert node.wait() == 0
     words = "joint_state (did you mean joint_states?), max_forse (did you mean max_force?);"
     assert node.text.count("unknown parameters") == 2, node.text
+    assert words in node.text and "parameters: qos_overrides./clokc.publisher.depth;" in node.text
     assert "250 samples per second" in node.text
     assert "stopped at t = 0.1 s (duration over)" in node.text
-    assert words in node.text and "parameters: qos_overrides./clokc.publisher.depth;" in node.text

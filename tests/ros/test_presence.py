@@ -11,12 +11,12 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections.abc import Callable
 from typing import Any
 
+import psutil
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
@@ -41,20 +41,6 @@ def latched(client: Client, topic: str) -> list[str]:
     return found
 
 
-def test_a_late_joiner_of_a_paused_node_sees_what_there_is(sphere, start, client: Client):
-    start(sphere, start_paused=True)
-    states, descriptions = latched(client, "state"), latched(client, "description")
-    clocks = client.listen(Clock, "/clock")
-    client.until(lambda: states and descriptions and clocks, "state, description and clock")
-    assert states[-1] == "paused"
-    reported = json.loads(descriptions[-1])
-    assert reported["scene"] == "rolling_sphere_commanded" and reported["rate"] == 100.0
-    assert reported["bodies"] == {"ball": {"mass": 2.0}}
-    assert reported["constraints"] == {"floor": "rolling"}
-    client.pause(False)
-    client.until(lambda: states[-1] == "running", "state")
-
-
 SLIDER = """\
 bodies:
   slider: {mass: 1.0, inertia: [1, 1, 1], linear_velocity: [1, 0, 0]}
@@ -72,9 +58,11 @@ def test_who_comes_in_a_pause_gets_the_last_sample(tmp_path, start, client: Clie
     scene.write_text(SLIDER)
     start(scene, joint_states=True, odometry=True, start_paused=True)
     twists = client.listen(TwistStamped, "slider/twist")
-    client.step_until(lambda: twists and stamp_of(twists[-1]) >= 0.05)
-    client.until(lambda: stamp_of(twists[-1]) >= 0.05, "the last twist")
-    client.spin(0.5)
+    clocks = client.listen(Clock, "/clock")
+    client.step_until(lambda: twists)
+    now = float(client.trigger("step").message.split()[2])
+    client.until(lambda: stamp_of(twists[-1]) == pytest.approx(now, abs=1e-9), "the last twist")
+    client.until_it_stands(clocks)
     heard, now = len(twists), stamp_of(twists[-1])
     kinds = {
         f"{NAME}/slider/pose": PoseStamped,
@@ -89,7 +77,7 @@ def test_who_comes_in_a_pause_gets_the_last_sample(tmp_path, start, client: Clie
             for topic, kind in kinds.items()
         ]
         client.until(lambda late=late: all(late.values()), "the last sample")
-        client.spin(1.0)
+        client.until_it_stands(clocks)  # the node looks who listens, meanwhile
         assert {topic: [*map(stamp_of, found)] for topic, found in late.items()} == {
             topic: [now] for topic in late
         }
@@ -98,7 +86,7 @@ def test_who_comes_in_a_pause_gets_the_last_sample(tmp_path, start, client: Clie
         assert pose.pose.position.x == pytest.approx(now, abs=1e-9)
         for subscription in subscriptions:
             client.node.destroy_subscription(subscription)
-        client.spin(0.5)
+        client.until_it_stands(clocks)
     assert len(twists) == heard
 
 
@@ -240,12 +228,16 @@ def test_a_pause_that_is_promised_while_the_node_begins_to_run_is_kept(
 
 def test_who_asks_on_when_the_duration_is_over_is_told(sphere, start, client: Client, tmp_path):
     """The logs are still being finished then."""
-    node = start(sphere, start_paused=True, duration=0.03, out=tmp_path / "run",
-                 log_plots=True)  # fmt: skip
-    for _ in range(3):
+    node = start(sphere, start_paused=True, duration=0.03, out=tmp_path / "run")
+    (writer,) = psutil.Process(node.process.pid).children()
+    services = [client.service(Trigger, name) for name in ("step", "reset")]
+    for _ in range(2):
         assert client.trigger("step").success
-    futures = [client.ask(Trigger, name) for name in ("step", "reset")]
+    writer.suspend()
+    assert client.trigger("step").success
+    futures = [service.call_async(Trigger.Request()) for service in services]
     client.until(lambda: all(future.done() for future in futures), "answers")
+    writer.resume()
     step, reset = [future.result() for future in futures]
     assert not step.success and step.message == "the duration of 0.03 s is over"
     assert node.wait() == 0

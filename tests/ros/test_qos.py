@@ -14,9 +14,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.qos import (
     QoSDurabilityPolicy,
@@ -26,7 +25,7 @@ from rclpy.qos import (
 )
 
 from tests.ros import bags
-from tests.ros.client import NAME, Client, seconds, vector
+from tests.ros.client import NAME, Client, seconds
 
 # A lively ball: its bounces, one in a hundred samples, all come between two of these samples.
 LIVELY = """\
@@ -105,27 +104,3 @@ def test_no_event_of_a_cascade_is_lost(tmp_path: Path, start, client: Client):
         return sorted((m.status[0].values[0].value, m.status[0].message) for m in messages)
 
     assert reported(of_the_last_step(events)) == reported(recorded)
-
-
-def test_tf_has_the_poses_and_the_frames_of_the_reactions(
-    transforms, sphere, start, client: Client
-):
-    start(sphere, start_paused=True)
-    poses = client.listen(PoseStamped, "ball/pose")
-    floor = client.listen(WrenchStamped, "reactions/floor")
-    found = client.listen(transforms, "/tf")
-    client.send(force=(1.0, 0.3, 0))
-    client.step_for(5, poses, floor, found)
-    for message, pose, reaction in zip(found[-5:], poses[-5:], floor[-5:], strict=True):
-        frames = {one.child_frame_id: one for one in message.transforms}
-        assert set(frames) == {"ball", "ball/origin", "floor/anchor"}
-        for one in message.transforms:
-            assert one.header.stamp == pose.header.stamp and one.header.frame_id == "world"
-        ball = frames["ball"].transform
-        assert vector(ball.translation) == vector(pose.pose.position)
-        assert ball.rotation == pose.pose.orientation
-        # the ball of radius 0.1 m touches the floor right below its centre
-        below = np.array(vector(pose.pose.position)) - (0, 0, 0.1)
-        assert reaction.header.frame_id == "floor/anchor"
-        anchor = vector(frames["floor/anchor"].transform.translation)
-        np.testing.assert_allclose(anchor, below, atol=1e-12)

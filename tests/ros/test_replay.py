@@ -25,6 +25,7 @@ from rb_sim.cli.verbs.replay import PlayOptions, play
 from tests.bags.scenes import PUSHED, record_run
 from tests.ros import bags
 from tests.ros.client import NAME, Client, seconds
+from tests.ros.conftest import START_TIMEOUT
 
 
 @pytest.fixture
@@ -45,6 +46,8 @@ def player(bag: Path, tmp_path: Path):
 
 
 def test_messages_are_the_recorded_ones_and_time_begins_anew(player, bag: Path, client: Client):
+    offered = f"{NAME}/box/pose"
+    client.until(lambda: client.node.count_publishers(offered), "the player", START_TIMEOUT)
     poses = client.listen(PoseStamped, "box/pose", raw=True)
     clocks = client.listen(Clock, "/clock")
     client.until(lambda: len(set(poses)) >= 26, "each sample from 0.5 s on")

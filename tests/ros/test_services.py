@@ -32,38 +32,6 @@ from tests.ros.client import NAME, Client, seconds, vector
 from tests.ros.conftest import importable
 
 
-def test_step_is_one_sample_period_with_its_clock_and_only_while_paused(
-    sphere, start, client: Client
-):
-    start(sphere)
-    answer = client.trigger("step")
-    assert not answer.success and "only while paused" in answer.message
-    assert client.pause().success
-    clocks = client.listen(Clock, "/clock")
-    before = client.until_it_stands(clocks)
-    for k in range(1, 6):
-        answer = client.trigger("step")
-        assert answer.success
-        # done when answered: the message tells the time reached
-        assert float(answer.message.split()[2]) == pytest.approx(before + 0.01 * k, abs=1e-9)
-    client.until(lambda: seconds(clocks[-1].clock) > before + 0.049, "5 clocks")
-    # a clock that stands still is told again and again
-    times = sorted({seconds(message.clock) for message in clocks})
-    np.testing.assert_allclose(times[-5:], before + 0.01 * np.arange(1, 6), atol=1e-9)
-    # nothing moves while it is paused, and going on does not catch up
-    client.until_it_stands(clocks)
-    stopped, count = clocks[-1].clock, len(clocks)
-    client.until(lambda: len(clocks) >= count + 3, "the time, again and again")
-    assert all(message.clock == stopped for message in clocks[count:])
-    assert client.pause(False).success
-    client.until(lambda: clocks[-1].clock != stopped, "clock again")
-    after = next(seconds(m.clock) for m in clocks[count:] if m.clock != stopped)
-    assert after == pytest.approx(seconds(stopped) + 0.01, abs=1e-9)
-    # without their package there are no services of simulation_interfaces
-    names = {name for name, _ in client.node.get_service_names_and_types()}
-    assert "/rb_sim/pause" in names and "/rb_sim/step_simulation" not in names
-
-
 def test_reset_gives_the_initial_state_and_stamps_go_on(sphere, start, client: Client, tmp_path):
     node = start(sphere, out=tmp_path, start_paused=True)
     poses = client.listen(PoseStamped, "ball/pose")

@@ -101,12 +101,12 @@ def test_a_killed_node_loses_no_sample_that_it_has_handed_over(sphere, start, cl
     """The process that writes the logs sees its input end, and finishes them."""
     node = start(sphere, out=tmp_path, rate=5)
     clocks = client.listen(Clock, "/clock")
-    client.until(lambda: len(clocks) >= 5, "5 samples")
+    client.until(lambda: len(clocks) >= 8, "8 samples")
     node.process.kill()
     node.process.wait()
     until_there(tmp_path / "bag" / "metadata.yaml")
     stamps = bags.read(tmp_path / "bag")[f"{NAME}/ball/pose"].t
-    assert len(stamps) >= 5 - 1, node.text  # at most the one that had just been published
+    assert len(stamps) >= 8 - 3, node.text  # at most those of the last 0.25 s
     np.testing.assert_allclose(stamps, 0.2 * np.arange(len(stamps)), atol=1e-9)
 
 
@@ -239,27 +239,6 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(sphere, start, client:
     assert not info(recovered.directory)["health"]["whole"], "its run did not end"
     np.testing.assert_allclose(stamps, 0.01 * np.arange(len(stamps)), atol=1e-9)
     assert 0.0 < stamps[-1] and stamps[-1] >= 0.8 * lost_from  # all but the open chunk
-
-
-def test_a_second_node_of_the_same_name_is_refused(sphere, start):
-    first = start(sphere)
-    second = start(sphere, ready=False, discovery=3.5)
-    # where discovery is slower than the start, both go on and say so
-    reported = (
-        "a node called /rb_sim runs already: rename this one",
-        "another node is called /rb_sim",
-    )
-    end = time.monotonic() + 240.0
-    while not any(words in second.text for words in reported):
-        assert time.monotonic() < end, second.text
-        time.sleep(0.05)
-    if reported[0] in second.text:
-        assert second.wait() == 2
-    else:
-        assert second.stop() == 0
-    other = start(sphere, ready=False, ros=("-r", "__node:=other"), duration=0.1, discovery=3.5)
-    assert other.wait() == 0
-    assert first.stop() == 0
 
 
 def test_without_rclpy_one_line_says_what_to_install(sphere, tmp_path):

@@ -72,24 +72,6 @@ def test_headings_with_nothing_below_say_nothing() -> None:
     assert scene.simulation.tolerance == 1e-10
 
 
-@pytest.mark.parametrize(
-    ("text", "hint"),
-    [
-        ("links: {a: {mass: 1}}", "bodies"),
-        ("bodies: {a: {mass: 1, com: [0, 0, 0]}}", "center_of_mass"),
-        ("bodies: {a: {mass: 1, pose: [0, 0, 0]}}", "position"),
-        ("effects: {s: {type: spring, k: 1}}", "stiffness"),
-        ("effects: {s: {type: spring, c: 1}}", "damping"),
-        ("constraints: {f: {type: contact, body: a, friction: {type: coulomb, mu: 1}}}", "static"),
-    ],
-)
-def test_words_of_other_programs_are_known(text: str, hint: str) -> None:
-    own = text.startswith(("links", "bodies"))
-    body = "" if own else "bodies: {a: {mass: 1, inertia: [1, 1, 1]}}"
-    with pytest.raises(SceneError, match=f"must be {hint}"):
-        load_scene(f"{text}\n{body}\n")
-
-
 @pytest.mark.parametrize("value", ["{rpy: [0, 0.1, 0]}", "[0, 0.1, 0]", "{roll: 0.1}"])
 def test_roll_pitch_yaw_are_answered_with_their_conversion(value: str) -> None:
     text = f"bodies: {{a: {{mass: 1, inertia: [1, 1, 1], orientation: {value}}}}}"
@@ -99,40 +81,14 @@ def test_roll_pitch_yaw_are_answered_with_their_conversion(value: str) -> None:
 
 MESSAGES = [
     ("mass: 2", "mass: -2", "bodies.ball.mass: got -2; must be a number > 0"),
-    ("mass: 2", "mass: .nan", "bodies.ball.mass: got nan; must be a finite number"),
-    ("mass: 2", "mass: 1e999", "bodies.ball.mass: got inf; must be a finite number"),
-    ("mass: 2", "mass: 2 kg", "bodies.ball.mass: got '2 kg'; must be a number"),
-    ("mass: 2", "mass: yes", "bodies.ball.mass: got 'yes'; must be a number"),
     ("mass: 2", "mass: true", "bodies.ball.mass: got true; must be a number"),
     ("mass: 2", "mass:", "bodies.ball.mass: got nothing; must be a number"),
     ("mass: 2\n", "\n", "bodies.ball.mass: is missing; must be a number"),
-    (
-        "mass: 2",
-        "mas: 2",
-        "bodies.ball.mas: unknown key; must be mass, or one of absolute_tolerance, "
-        "angular_velocity, center_of_mass, inertia, linear_velocity, orientation, position, "
-        "shape",
-    ),
-    (
-        "mass: 2",
-        "mass: 2\n    mass: 3",
-        "bodies.ball.mass: is given twice, first in line 5 (line 6)",
-    ),
-    ("radius: 0.1", "radius: 0", "bodies.ball.shape.radius: got 0; must be a number > 0"),
-    (", radius: 0.1", "", "bodies.ball.shape.radius: is missing; must be a number"),
     (
         "type: sphere",
         "type: spere",
         "bodies.ball.shape.type: got 'spere'; must be sphere, or one of box, cylinder, disk, "
         "ellipsoid, rod",
-    ),
-    ("[0, 0, 0.1]", "[0, 0]", "bodies.ball.position: got [0, 0]; must be 3 numbers [x, y, z]"),
-    ("[0, 0, 0.1]", "[0, 0, x]", "bodies.ball.position[2]: got 'x'; must be a number"),
-    (
-        "[0.2, 0.2, 0.01]",
-        "[0.2, 0.3, 0.01]",
-        "bodies.rod.inertia: got [0.2, 0.3, 0.01]; must be an inertia that some body can have: "
-        "no principal moment above the sum of the others, but 0.3 > 0.01 + 0.2",
     ),
     (
         "    inertia: [0.2, 0.2, 0.01]\n",
@@ -146,25 +102,9 @@ MESSAGES = [
         "[0.0, 0.0, 0.0]; set shape.center_B: [0.0, 0.0, 0.5], or give inertia",
     ),
     (
-        "axis: [0, 0, 1]",
-        "axis: [0, 0, 0]",
-        "bodies.rod.orientation.axis: got [0, 0, 0]; must be a direction: 3 numbers, not all zero",
-    ),
-    (
         "{axis: [0, 0, 1], angle: 0.3}",
         "[0, 0, 0, 0]",
         "bodies.rod.orientation: got [0, 0, 0, 0]; must be a quaternion [x, y, z, w], not all zero",
-    ),
-    (
-        "ball:",
-        "world: {mass: 1, inertia: [1, 1, 1]}\n  ball:",
-        "bodies.world: got 'world'; must be another name: world is the fixed frame",
-    ),
-    (
-        "ball:",
-        "b/1: {mass: 1, inertia: [1, 1, 1]}\n  ball:",
-        "bodies.b/1: got 'b/1'; must be a name: a letter or digit, then letters, digits, spaces or "
-        "_-.:+() (at most 64)",
     ),
     (
         "body: ball",
@@ -193,70 +133,15 @@ MESSAGES = [
         "effects.weight.bodies[1]: got 'rd'; must be a body of the scene: rod or ball",
     ),
     (
-        "body: ball",
-        "bdy: ball",
-        "constraints.floor.bdy: unknown key; must be body, or one of normal_A, parent, "
-        "point_A, type",
-    ),
-    (
-        "{type: rolling, body: ball}",
-        "rolling",
-        "constraints.floor: got 'rolling'; must be a mapping {type: NAME, KEY: ...}; NAME is "
-        "rolling, or one of contact, distance (point_A), fixed_axis (axis_B), fixed_point, free, "
-        "parallel (axis_B), plane (normal_A), string (point_A), translation, velocity, weld",
-    ),
-    (
         "{type: fixed_point, body: rod,",
         "{body: rod,",
         "constraints.tip.type: is missing; must be one of contact, distance, fixed_axis, "
         "fixed_point, free, parallel, plane, rolling, string, translation, velocity, weld",
     ),
     (
-        "type: gravity",
-        "type: gravty",
-        "effects.weight.type: got 'gravty'; must be gravity, or one of angular_damping, "
-        "commanded_wrench, linear_drag, quadratic_drag, spring, torsion_spring, wrench, "
-        "wrench_table",
-    ),
-    (
-        "effects:",
-        "efects:",
-        "efects: unknown key; must be effects, or one of bodies, constraints, description, "
-        "loads, simulation, supports",
-    ),
-    ("duration: 2", "duration: 0", "simulation.duration: got 0; must be a number > 0"),
-    (
-        "method: rk4",
-        "method: rk5",
-        "simulation.method: got 'rk5'; must be rk4, or one of auto, dopri853, euler, gauss6, "
-        "radau5, taylor, time_stepping",
-    ),
-    (
-        "step: 1e-3",
-        "tolerance: 1e-3",
-        "simulation.tolerance: got 0.001; must be omitted for method rk4, which has a fixed step "
-        "(give step, or use dopri853, radau5, taylor or auto)",
-    ),
-    (
         "step: 1e-3, method: rk4",
         "step: 1e-3, tolerance: 1e-3",
         "simulation.step: got 0.001; must be omitted if tolerance is given",
-    ),
-    (
-        "step: 1e-3, method: rk4",
-        "method: auto",
-        "simulation.tolerance: is missing; must be given for method auto: a number > 0",
-    ),
-    (
-        "step: 1e-3, method: rk4",
-        "step: 1e-3, method: auto",
-        "simulation.step: got 0.001; must be omitted for method auto, which needs a tolerance",
-    ),
-    (
-        "duration: 2, step: 1e-3",
-        "duration: 0, step: x",
-        "simulation.duration: got 0; must be a number > 0"
-        "; simulation.step: got 'x'; must be a number",
     ),
 ]
 
@@ -436,40 +321,6 @@ def test_all_errors_of_a_scene_are_named_at_once(kind: str) -> None:
 def test_override_does_not_hide_an_error_of_the_file(valid: str) -> None:
     with pytest.raises(SceneError, match=r"simulation.method: got 'rk5'"):
         load_scene(valid.replace("rk4", "rk5"), method="rk4")
-
-
-@pytest.mark.parametrize(
-    ("part", "word", "meant"),
-    [
-        ("constraints", "Hinge", "fixed_axis"),
-        ("constraints", "ball", "fixed_point"),
-        ("constraints", "prismatic", "translation"),
-        ("effects", "torque", "wrench"),
-    ],
-)
-def test_the_words_of_other_programs_are_understood(part: str, word: str, meant: str) -> None:
-    body = {"mass": 1.0, "inertia": [1, 1, 1]}
-    with pytest.raises(SceneError) as caught:
-        scene_from_mapping({"bodies": {"b": body}, part: {"it": {"type": word, "body": "b"}}})
-    assert f"; must be {meant}, or one of " in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("section", "word", "meant"),
-    [
-        ("a", "pos", "position"),
-        ("a", "quat", "orientation"),
-        ("a", "lin", "linear_velocity"),
-        ("simulation", "t_end", "duration"),
-        ("simulation", "tol", "tolerance"),
-    ],
-)
-def test_the_beginning_of_a_key_is_understood(section: str, word: str, meant: str) -> None:
-    body: dict = {"mass": 1.0, "inertia": [1, 1, 1]}
-    scene: dict = {"bodies": {"a": body}, "simulation": {}}
-    (body if section == "a" else scene["simulation"])[word] = 1.0
-    with pytest.raises(SceneError, match=f"{word}: unknown key; must be {meant}, or one of "):
-        load_scene(scene)
 
 
 @pytest.mark.parametrize(

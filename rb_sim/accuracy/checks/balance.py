@@ -138,8 +138,8 @@ ROUNDING = 1e-13
 
 
 class Exchanged:
-    """Scale of the energy error: initial kinetic energy, largest fall of the potential, and work of
-    loads without a potential. Energy that an error creates is in none of these."""
+    """Scale of the energy error: initial kinetic energy, largest fall of the potential, and the
+    absolute works of loads without a potential. Energy that errors create is in none of these."""
 
     def __init__(self, given: float = 0.0, contacts_give: bool = True) -> None:
         """given: kinetic energy of the scene's velocities before they are projected onto the
@@ -177,8 +177,8 @@ class Exchanged:
         return self._given + SOLVED * self._loads
 
     def scale(self, work: float) -> float:
-        """The scale [J]; 0 if the motion is only rounding. work: absolute work of loads without a
-        potential [J]."""
+        """The scale [J]; 0 if the motion is only rounding. work: sum of the absolute works of loads
+        without a potential [J]."""
         found = self._kinetic + self._fall + work + self._contacts
         return found if found > self._noise else 0.0
 
@@ -222,15 +222,58 @@ def loads(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Iterator[Lo
                 weight = scene.bodies[layout.bodies[body]].mass * np.array(effect.acceleration)
                 yield Load(body, None, weight, none, block.position[:, body])
             continue
-        body, point_B = index(effect.body), np.array(getattr(effect, "point_B", none))
-        if effect.type == "commanded_wrench":
-            force, torque = np.split(block.command[:, layout.commanded.index(effect.body)], 2, 1)
-        else:
-            force, torque = (np.tile(v, (len(block), 1)) for v in (effect.force, effect.torque))
-            if effect.frame == "body":
-                q = block.orientation[:, body]
-                force, torque = rotate(q, force), rotate(q, torque)
-        yield Load(body, None, force, torque, _point(block, scene, layout, effect.body, point_B))
+        yield _wrench(block, scene, layout, effect)
+
+
+def _wrench(block: SampleBlock, scene: Scene, layout: SampleLayout, effect: Any) -> Load:
+    """A prescribed or commanded wrench at the samples."""
+    body, n = layout.bodies.index(effect.body), len(block)
+    if effect.type == "commanded_wrench":
+        force, torque = np.split(block.command[:, layout.commanded.index(effect.body)], 2, 1)
+    elif effect.type == "wrench_table":
+        force, torque = (
+            _tabulated(effect, rows, block.t) for rows in (effect.forces, effect.torques)
+        )
+    else:
+        sine = np.sin(effect.angular_frequency * block.t + effect.phase)[:, None]
+        force = np.tile(effect.force, (n, 1)) + sine * effect.sine_force
+        torque = np.tile(effect.torque, (n, 1)) + sine * effect.sine_torque
+    if getattr(effect, "frame", "world") == "body":
+        q = block.orientation[:, body]
+        force, torque = rotate(q, force), rotate(q, torque)
+    point_B = np.array(getattr(effect, "point_B", np.zeros(3)))
+    return Load(body, None, force, torque, _point(block, scene, layout, effect.body, point_B))
+
+
+def _tabulated(effect: Any, rows: Any, t: Array) -> Array:
+    """Forces or torques of a table at the times (n,), (n, 3)."""
+    times, values = np.array(effect.times), np.array(rows or np.zeros((len(effect.times), 3)))
+    if effect.interpolation == "hold":
+        found = values[np.searchsorted(times, t, side="right").clip(1) - 1]
+    else:
+        found = np.stack([np.interp(t, times, column) for column in values.T], axis=1)
+    acts = (t >= times[0]) & (t <= times[-1])
+    return np.where(acts[:, None], found, 0.0)
+
+
+WRENCHES = ("wrench", "wrench_table", "commanded_wrench")
+"""Effects whose wrench follows from time, command and attitude."""
+
+
+def gross_power(block: SampleBlock, scene: Scene, layout: SampleLayout, power: Array) -> Array:
+    """Sum of the absolute powers of each prescribed wrench and of the other loads together [W],
+    (n,); power: the sum with signs. A wrench and a drag that balance each other exchange energy
+    although their sum is zero."""
+    gross, rest = np.zeros(len(block)), power
+    for effect in scene.effects.values():
+        if effect.type in WRENCHES:
+            load = _wrench(block, scene, layout, effect)
+            spin = rotate(block.orientation[:, load.body], block.angular_velocity[:, load.body])
+            arm = load.point - block.position[:, load.body]
+            speed = block.linear_velocity[:, load.body] + cross(spin, arm)
+            own = np.sum(load.force * speed + load.torque * spin, axis=1)
+            gross, rest = gross + np.abs(own), rest - own
+    return gross + np.abs(rest)
 
 
 def external_wrench(block: SampleBlock, scene: Scene, layout: SampleLayout) -> Array:
@@ -372,6 +415,8 @@ class Ledger:
         """instants after the last sample at which a load jumps or bends."""
         self._events = Events()
         self._work, self._impulse = Account(1), Account(6)
+        self._gross = Quadrature(1)
+        """integral of `gross_power`."""
         self._resolution, self._missed = Resolution(), np.zeros(2)
         """... and the numbers of unresolved intervals, for energy and momenta."""
         self._first: SampleBlock | None = None
@@ -407,7 +452,9 @@ class Ledger:
         missed, jumped = np.zeros((2, len(block)), dtype=bool), self._jumped(block, breaks)
         # samples show no power of a pulse between them, or of a slip that ends before the next one
         hidden = self._may_work and bool(jumped.any())
-        self._has_work = self._has_work or hidden or bool(power.any())
+        gross = gross_power(block, self._scene, self._layout, power)
+        self._gross.add(block.t, gross[:, None])
+        self._has_work = self._has_work or hidden or bool(gross.any())
         if self._has_work or self._pushed:
             unresolved = self._resolution.missed(block)
             missed[0] = unresolved[:, self._at_work].any(axis=1) & self._has_work
@@ -457,8 +504,11 @@ class Ledger:
         """The scale of the energy error [J]."""
         if self._last is None:
             return 0.0
-        *_, size = self._work.total()
-        return self._energies.scale(float(size[0]))
+        return self._energies.scale(self._exchanged_by_loads())
+
+    def _exchanged_by_loads(self) -> float:
+        """Sum of the energies that loads without a potential gave and took [J]."""
+        return max(float(self._work.total()[4][0]), float(self._gross.total()[2, 0]))
 
     @property
     def gained(self) -> float:
@@ -527,11 +577,9 @@ class Ledger:
         """The balances by the names of their checks."""
         if self._last is None:
             return {}
-        error, uncertainty, unsure, _, size = (float(row[0]) for row in self._work.total())
+        error, uncertainty, unsure, *_ = (float(row[0]) for row in self._work.total())
         known = (self._missed <= MOST * (self.samples - 1)).tolist()
-        found = {
-            "energy": Balance(error, self._energies.scale(size), uncertainty, unsure, known[0])
-        }
+        found = {"energy": Balance(error, self.exchanged, uncertainty, unsure, known[0])}
         if self.unknown_force:
             return found
         *rows, impulse, _ = self._impulse.total()

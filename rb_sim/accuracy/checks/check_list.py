@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ import numpy as np
 
 from rb_sim.accuracy.checks.balance import Ledger
 from rb_sim.accuracy.checks.check import Check, Checker, CheckInput, Effort, Run, effort_of
-from rb_sim.accuracy.checks.second_run import BOUND, finding_of, is_decided
+from rb_sim.accuracy.checks.second_run import BOUND, SecondRun, finding_of, is_decided
 from rb_sim.accuracy.checks.singular_configuration import rank
 from rb_sim.accuracy.checks.step_checks import MADE, chatter, steps
 from rb_sim.accuracy.checks.violation import inside, residual
@@ -231,13 +232,16 @@ def beyond(singular: Finding, finding: Finding) -> Finding:
 class CheckedSamples:
     """Iterates over blocks of samples, and checks them on the way.
 
-    simulation: that makes the samples. blocks: of samples by time. After a reset, or after a state
-    was set, the checks begin anew.
+    simulation: that makes the samples. blocks: of samples by time. second: whether a second run may
+    follow (`compare_again`). After a reset, or after a state was set, the checks begin anew.
     """
 
-    def __init__(self, simulation: Any, blocks: Iterable[SampleBlock]) -> None:
+    def __init__(
+        self, simulation: Any, blocks: Iterable[SampleBlock], *, second: bool = False
+    ) -> None:
         self._simulation, self._blocks = simulation, blocks
         self._check_list = self._new()
+        self._second = SecondRun(simulation) if second else None
         self._found: list[Finding] = []
         self._before: tuple[Finding, ...] = ()
         """findings before the last reset."""
@@ -249,6 +253,8 @@ class CheckedSamples:
                     self._end()
                     self._check_list = self._new()
                 self._check_list.add(block, partial(effort_of, self._simulation))
+                if self._second is not None:
+                    self._second.add(block)
                 yield block
         finally:
             self._end()
@@ -258,15 +264,20 @@ class CheckedSamples:
         """All findings by time; complete after the last block."""
         return tuple(self._found)
 
-    @property
-    def singular(self) -> float | None:
-        """Time at which the run passed a singular configuration [s]; None if it did not."""
-        return self._check_list.singular
+    def compare_again(
+        self, always: bool | None = None, within: float = math.inf
+    ) -> GlobalError | None:
+        """The global error by a second run, which may refute or add findings; None without one.
 
-    def check(self, error: GlobalError, exchanged: float) -> None:
-        """As CheckList.check."""
-        self._check_list.check(error, self._simulation, exchanged)
+        always, within: as of `SecondRun.result`.
+        """
+        if self._second is None:
+            return None
+        singular = self._check_list.singular
+        error = self._second.result(always, singular=singular, within=within)
+        self._check_list.check(error, self._simulation, self._second.exchanged)
         self._found = [*self._before, *self._check_list.findings]
+        return error
 
     def warn(self, stacklevel: int = 2) -> None:
         """Issue a Python warning for each finding, at the caller of the calling function."""

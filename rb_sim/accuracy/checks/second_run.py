@@ -49,7 +49,7 @@ import numpy as np
 from rb_sim.accuracy.checks.check import finer_step, round_down, steps_alone, try_step
 from rb_sim.accuracy.checks.step_doubling import SHORTER, in_shorter_steps
 from rb_sim.accuracy.choice import TIGHTEST, Setting, counted_time
-from rb_sim.accuracy.runs import motion_size, motions_apart
+from rb_sim.accuracy.runs import exchanged_energy, motion_size, motions_apart, poses_of, samples_of
 from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.contact.choose_motion import motion_of
@@ -144,7 +144,7 @@ class SecondRun:
         self._took += self._before[1] - before[1]
         first = -self._seen % self._stride
         self._seen += len(block)
-        poses = np.concatenate([block.position, block.orientation], axis=2)[first :: self._stride]
+        poses = poses_of(block)[first :: self._stride]
         self._rows.append((block.t[first :: self._stride].copy(), poses))
         self._count += len(poses)
         while self._count > MOST:
@@ -250,7 +250,7 @@ class SecondRun:
         WatchEndedError, and with `whole` SimulationError.
         """
         simulation, run = self._simulation, self._simulation.motion
-        (times, poses), layout = self._kept(), run.layout
+        times, poses = self._kept()
         grid = np.union1d(times, self._between(times))
         try:
             rows, upto, self._second_steps = self._carried(other.motion, grid, limit)
@@ -264,15 +264,15 @@ class SecondRun:
             poses = poses[: len(times)]
             if whole or len(times) < 2:
                 raise WatchEndedError
-        energies = rows[:, 13 * len(layout.bodies) + 9 * len(layout.reactions) :][:, :2]
-        self.exchanged = float(energies[:, 0].max() + np.ptp(energies[:, 1]))
-        second, radius = _poses(rows, len(layout.bodies)), _radii(simulation)
+        block, radius = samples_of(rows, run.layout), _radii(simulation)
+        self.exchanged = exchanged_energy(block)
+        second = poses_of(block)
         at = np.searchsorted(grid, times)
         hidden = motion_size(second, radius) > 2.0 * motion_size(second[at], radius)
         if (hidden or len(times) < FEW) and upto is None:
             # repeat the run itself, for poses between its samples
             rows, *_ = self._carried(motion_of(self._compiled, simulation.method), grid, math.inf)
-            times, poses = grid, _poses(rows, len(layout.bodies))
+            times, poses = grid, poses_of(samples_of(rows, run.layout))
         else:
             second = second[at]
         # beyond a singular configuration the motion is not unique, and both runs may err alike
@@ -342,11 +342,6 @@ def apart(times: Array, one: Array, two: Array, simulation: Any) -> GlobalError:
     least = SOLVED_IN_CONTACT * float(radius.max()) if layout.contacts else 0.0
     share, pose, i, body = motions_apart(one, two, radius, least)
     return GlobalError(share, float(times[i]), layout.bodies[body], pose)
-
-
-def _poses(rows: Array, bodies: int) -> Array:
-    """Poses (n, bodies, 7) from rows of samples."""
-    return rows[:, : 13 * bodies].reshape(len(rows), bodies, 13)[:, :, :7]
 
 
 def _radii(simulation: Any) -> Array:

@@ -18,18 +18,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rb_sim.accuracy.checks.check import Checker, CheckInput, Run
-from rb_sim.accuracy.checks.violation import coordinates
+from rb_sim.accuracy.checks.violation import coordinates, owner_of
 from rb_sim.base.errors import Finding, RbSimError, SimulationError
 from rb_sim.compiler.graph.machine import evaluate_rows
 from rb_sim.contact.choose_motion import motion_of
-from rb_sim.mechanics.initial_projection import rows_left, rows_matrix
+from rb_sim.mechanics.initial_projection import rows_matrix
 from rb_sim.mechanics.multibody_laws import MultiBodyLaws
-from rb_sim.mechanics.systems.elimination import Dependent
 from rb_sim.mechanics.systems.many_bodies import WIDTH
 from rb_sim.numerics.vectors import quaternion_rate
 from rb_sim.scene.compile import compile_motion
-from rb_sim.scene.initial import part_of
-from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
     from rb_sim.mechanics.compiled import Compiled
@@ -379,11 +376,10 @@ class Conditioning:
         system, laws = compiled.system, compiled.laws
         if not 0 < compiled.rows <= MOST_ROWS or not isinstance(laws, MultiBodyLaws):
             return
-        left_out = Dependent(compiled.dependent.rows | set(laws.changing))
-        self._kept_rows, law = rows_left(system, left_out)
+        self._kept_rows = laws.independent
         inputs = np.array([*laws.inputs.values(system, 0.0), 0.0])
         if self._kept_rows:
-            self._laws.append(LeastOf(law, inputs, len(self._kept_rows), located=False))
+            self._laws.append(LeastOf(laws.pivots, inputs, len(self._kept_rows), located=False))
         if laws.choice is not None:
             self._laws.append(LeastOf(laws.choice, inputs, len(laws.changing) + 2, located=True))
         self._system = system
@@ -408,10 +404,7 @@ class Conditioning:
 
     def _owner(self, row: int) -> str:
         """The constraint to which the row belongs."""
-        place = InitialPlace(self._scene)
-        specs: dict[str, Any] = dict(self._scene.constraints)
-        owners = [name for name, spec in specs.items() for _ in spec.parts(place)]
-        return owners[part_of(self._system, row)]
+        return owner_of(self._scene, self._system, row)
 
     def located(self, t: float, least: float, row: int) -> SingularConfiguration:
         """The singular configuration at t at which s of this row is zero."""

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 from rb_sim.accuracy.checks.check import below, steps_alone
 from rb_sim.accuracy.checks.check_list import CheckedSamples
-from rb_sim.accuracy.checks.second_run import SecondRun
 from rb_sim.accuracy.choice import counted_time
 from rb_sim.base.errors import RbSimError
 from rb_sim.mechanics.methods import METHODS
@@ -170,11 +169,10 @@ def _trials(
 def _findings(trial: Any, end: float, goes_on: Callable[[float], bool]) -> tuple[Finding, ...]:
     """Findings of a run of the simulation to `end` [s]; a second run is made if the other checks
     find nothing about the step. Raises RbSimError, ArithmeticError."""
-    checked = CheckedSamples(trial, trial.blocks(end, trial.scene.simulation.rate, goes_on))
-    second = SecondRun(trial)
-    for block in checked:
-        second.add(block)
+    blocks = trial.blocks(end, trial.scene.simulation.rate, goes_on)
+    checked = CheckedSamples(trial, blocks, second=True)
+    for _ in checked:
+        pass
     if goes_on(end) and _follows(checked.findings):
-        error = second.result(singular=checked.singular, within=MOST_TIME)
-        checked.check(error, second.exchanged)
+        checked.compare_again(within=MOST_TIME)
     return checked.findings

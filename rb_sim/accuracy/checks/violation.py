@@ -23,6 +23,7 @@ from rb_sim.catalogue.contact import Touching
 from rb_sim.mechanics.initial_projection import Manifold, relative
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.scene.compile import compile_motion
+from rb_sim.scene.initial import part_of
 from rb_sim.scene.place import InitialPlace
 
 if TYPE_CHECKING:
@@ -52,10 +53,14 @@ def violated_constraint(scene: Scene, layout: SampleLayout, block: SampleBlock, 
     with np.errstate(all="ignore"):
         violations, _ = Manifold(system).violations(float(block.t[i]), y.tolist())
     worst = relative(system, violations, system.length, system.speed).max(axis=0)
+    return owner_of(scene, system, int(np.argmax(worst)))
+
+
+def owner_of(scene: Scene, system: Any, row: int) -> str:
+    """Name of the constraint to which a row of the system belongs."""
     place = InitialPlace(scene)
     owners = [n for n, spec in scene.constraints.items() for _ in spec.parts(place)]  # type: ignore[attr-defined]
-    part = int(np.searchsorted(system.first_row, int(np.argmax(worst)), side="right")) - 1
-    return owners[part]
+    return owners[part_of(system, row)]
 
 
 def residual(run: Run) -> Checker:

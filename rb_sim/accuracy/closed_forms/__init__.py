@@ -52,8 +52,7 @@ FORMS = (
     sliding_block,
 )
 """Of a compiled scene: its exact motion, or None; the first that knows one is taken. The table that
-`rb_sim accuracy` measures against and that the tests compare runs with; of reactions at rest:
-`STATICS_FORMS`."""
+`rb_sim accuracy` measures against and that the tests compare runs with."""
 
 
 def closed_form(compiled: Compiled) -> Exact | None:

@@ -22,8 +22,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,10 +62,8 @@ class Analysis:
     """lines about what is wrong with the recording, or not known."""
     events: list[str] = field(default_factory=list)
     """lines about recorded impacts."""
-    balance: dict[str, Any] | None = None
-    """energy and momentum balance of a run of rb_sim."""
     balances: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """balances of a foreign bag, by scene or body."""
+    """energy and momentum balances, by scene or body."""
     constraints: dict[str, Any] | None = None
     """errors of the constraints, recomputed from the poses."""
     contacts: dict[str, Any] | None = None
@@ -105,7 +104,6 @@ class Analysis:
                 for name, figures in self.figures.items()
             },
             "bodies": {name: body.as_dict() for name, body in self.bodies.items()},
-            "balance": self.balance,
             "balances": self.balances,
             "constraints": self.constraints,
             "contacts": self.contacts,
@@ -212,7 +210,7 @@ def write_report(found: Analysis, path: Path) -> None:
         page.section("time", "Over time", page.left_out()),
         _section("Recorded times", recorded_times(found)),
         page.section("spectra", "Power spectral densities"),
-        *(_balances(found), _constraints(found), _bodies(found), _sources(found)),
+        *(_html(*table) for table in tables(found)),
     ]
     save(page.data(), path, "report", "\n".join(parts))
 
@@ -237,21 +235,21 @@ def _verdict(found: Analysis) -> str:
     ]
     problems = [*found.notes, *gaps[:MOST]] or ["none found: no gaps, no notes"]
     balances = []
-    for what, unit, row in _judged(found):
+    for what, unit, row in judged(found):
         uncertainty = max(row.get("quadrature") or 0.0, row.get("noise") or 0.0)
         holds = abs(row["error"]) <= max(BALANCED * row["scale"], uncertainty)
         verdict = "balances" if holds else "does NOT balance"
         rest = f"{abs(row['error']):.2g} of {row['scale']:.3g} {unit} not accounted for"
         balances.append(f"{what} {verdict}: {rest}")
-    judged = bool(balances)
-    if not judged:
+    known = bool(balances)
+    if not known:
         balances = ["not judged: masses or forces are not known (--masses FILE)"]
     title = html.escape(_title(found))
     wrong = any("NOT" in line for line in balances)
     lists = (
         ("", "Recorded", recorded),
         ("bad" if found.notes or gaps else "good", "Problems", problems),
-        ("bad" if wrong else "good" if judged else "", "Balances", balances),
+        ("bad" if wrong else "good" if known else "", "Balances", balances),
     )
     return f"<h1>{title}</h1>" + "".join(
         f'<p class="verdict {kind}"><b>{head}.</b> {"<br>".join(map(html.escape, lines))}</p>'
@@ -259,76 +257,103 @@ def _verdict(found: Analysis) -> str:
     )
 
 
-def _judged(found: Analysis) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """(name, unit, balance) of each energy and momentum balance."""
-    for name, balance in ({"": found.balance} if found.balance else found.balances).items():
-        momentum = balance["momentum"] or {}
-        for what, unit, row in (
-            ("energy", "J", balance["energy"]),
-            ("linear momentum", "N s", momentum.get("linear")),
-            ("angular momentum", "N m s", momentum.get("angular")),
-        ):
-            if row is not None:
-                yield f"{name} {what}".strip(), unit, row
+def judged(found: Analysis) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """(name, unit, balance) of each energy and momentum balance of which the forces are known."""
+    for name, balance in found.balances.items():
+        own = f"{name} " * (len(found.balances) > 1)
+        if has_forces(balance):
+            momentum = balance["momentum"] or {}
+            for what, unit, row in (
+                ("energy", "J", balance["energy"]),
+                ("linear momentum", "N s", momentum.get("linear")),
+                ("angular momentum", "N m s", momentum.get("angular")),
+            ):
+                if row is not None:
+                    yield f"{own}{what}", unit, row
+
+
+def has_forces(balance: dict[str, Any]) -> bool:
+    """Whether forces are known that act on the bodies of a balance."""
+    return "wrenches" not in balance or bool(balance["wrenches"] or balance["effects"])
 
 
 def _title(found: Analysis) -> str:
     return found.title or Path(found.name).name
 
 
-def _table(title: str, heads: list[str], rows: list[str]) -> str:
-    return f"<h2>{title}</h2><table>{_row(heads, 'th')}{''.join(rows)}</table>"
+# Tables of the report and of the terminal.
 
 
-def _row(cells: list[str], tag: str = "td") -> str:
-    return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+class Table(NamedTuple):
+    """Rows of text. names: number of columns with names, which stand first."""
+
+    title: str
+    heads: list[str]
+    rows: list[list[str]]
+    names: int = 1
 
 
-def _sources(found: Analysis) -> str:
-    heads = ["source", "kind", "readings", "rate [Hz]", "jitter [ms]", "gaps", "longest [s]"]
-    rows = []
-    for name, figures in found.figures.items():
+def tables(found: Analysis) -> list[Table]:
+    """Balances, constraints, inverse dynamics and sources, of the first MOST sources and bodies;
+    without tables that would be empty."""
+    sources = []
+    for name, figures in islice(found.figures.items(), MOST):
         rates = figures.rates.as_dict()
-        rate = "" if rates["rate"] is None else f"{rates['rate']:.6g}"
         jitter = f"{1e3 * rates['jitter']:.3g}" if rates["jitter"] > 1e-9 else "0"
-        rows.append(_row([name, found.kinds[name], str(rates["count"]), rate, jitter,
-                          str(rates["gaps"]), f"{rates['longest_gap']:.4g}"]))  # fmt: skip
-    return _table("Sources", heads, rows)
+        numbers = [str(rates["count"]), digits(rates["rate"], 6), jitter, str(rates["gaps"])]
+        last = [f"{rates['longest_gap']:.4g}", str(rates["backwards"])]
+        sources.append([name, found.kinds[name], *numbers, *last])
+    apart = [
+        [name, f"{off['force']:.3g}", f"{off['torque']:.3g}"]
+        for name, body in islice(found.bodies.items(), MOST)
+        if (off := body.as_dict().get("apart"))
+    ]
+    balances = [
+        [
+            f"{what} [{unit}]",
+            *(f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")),
+            digits(row.get("noise"), 3),
+        ]
+        for what, unit, row in judged(found)
+    ]
+    heads = ["source", "kind", "readings", "rate [Hz]", "jitter [ms]", "gaps", "longest [s]"]
+    about_balances = ["balance", "error", "relative to", "sampling error", "noise"]
+    dynamics = "Inverse dynamics against recorded wrenches: RMS difference"
+    about_errors = ["constraint", "error of", "largest", "at [s]"]
+    made = [
+        Table("Balance errors", about_balances, balances),
+        Table("Constraints, recomputed from the poses", about_errors, _violations(found), 2),
+        Table(dynamics, ["body", "force [N]", "torque [N m]"], apart),
+        Table("Sources", [*heads, "back"], sources, 2),
+    ]
+    return [table for table in made if table.rows]
 
 
-def _bodies(found: Analysis) -> str:
-    rows = []
-    for name, body in found.bodies.items():
-        apart = body.as_dict().get("apart")
-        if apart is not None:
-            rows.append(_row([name, f"{apart['force']:.3g}", f"{apart['torque']:.3g}"]))
-    title = "Inverse dynamics against recorded wrenches: RMS difference"
-    return _table(title, ["body", "force [N]", "torque [N m]"], rows) if rows else ""
-
-
-def _balances(found: Analysis) -> str:
-    """HTML table of the errors of the balances, as in the terminal."""
-    rows = []
-    for what, unit, row in _judged(found):
-        numbers = [f"{abs(row[key]):.3g}" for key in ("error", "scale", "quadrature")]
-        numbers.append(f"{row['noise']:.3g}" if "noise" in row else "")
-        rows.append(_row([f"{what} [{unit}]", *numbers]))
-    heads = ["balance", "error", "relative to", "sampling error", "noise"]
-    return _table("Balance errors", heads, rows) if rows else ""
-
-
-def _constraints(found: Analysis) -> str:
-    """HTML table of the largest error of each constraint."""
-    shown = found.constraints
-    if shown is None:
-        return ""
-    rows = []
+def _violations(found: Analysis) -> list[list[str]]:
+    """Largest error of each constraint; of a contact its overlap, or its smallest gap."""
+    shown, rows = found.constraints or {}, []
     for kind, unit in (("position", "m or rad"), ("velocity", "m/s or rad/s"), ("overlap", "m")):
-        for name, worst in shown[kind].items():
-            when = "" if worst["at"] is None else f"{worst['at']:.6g}"
-            rows.append(_row([name, f"{kind} [{unit}]", f"{worst['largest']:.3g}", when]))
-    heads = ["constraint", "error of", "largest", "at [s]"]
-    return _table("Constraints, recomputed from the poses", heads, rows)
+        for name, worst in shown.get(kind, {}).items():
+            what, size = kind, worst["largest"]
+            if kind == "overlap":
+                touches = worst["touches"]
+                what = "overlap, closed" if touches else "gap, open at all samples"
+                size = abs(max(size, 0.0) if touches else size)
+            rows.append([name, f"{what} [{unit}]", f"{size:.3g}", digits(worst["at"], 6)])
+    return rows
+
+
+def digits(value: float | None, count: int) -> str:
+    """A number with so many digits; "" for None."""
+    return "" if value is None else f"{value:.{count}g}"
+
+
+def _html(title: str, heads: list[str], rows: list[list[str]], _: int) -> str:
+    def line(cells: list[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    body = "".join(line(row, "td") for row in rows)
+    return f"<h2>{title}</h2><table>{line(heads, 'th')}{body}</table>"
 
 
 class _Page:

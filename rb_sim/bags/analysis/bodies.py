@@ -13,12 +13,10 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import savgol_coeffs
 
 from rb_sim.bags.analysis.derivatives import (
     FILTER,
@@ -28,6 +26,7 @@ from rb_sim.bags.analysis.derivatives import (
     Body,
     Jump,
     Motion,
+    coefficients,
     differentiated,
     error_at,
     even,
@@ -264,19 +263,6 @@ NAMES = ("acceleration", "angular_acceleration")
 HALF = WINDOW // 2
 
 
-@cache
-def _between(order: int) -> np.ndarray:
-    """Filter weights (WINDOW,) of the difference between both derivatives, for a period of 1."""
-    return savgol_coeffs(WINDOW, NEXT, deriv=order) - savgol_coeffs(WINDOW, ORDER, deriv=order)
-
-
-@cache
-def _of_noise(order: int) -> float:
-    """Ratio of the noise of the difference to the noise of the derivative."""
-    own = savgol_coeffs(WINDOW, ORDER, deriv=order)
-    return float(np.linalg.norm(_between(order)) / np.linalg.norm(own))
-
-
 class Peaks:
     """Tracks the largest acceleration of C and the largest angular acceleration of a body."""
 
@@ -331,11 +317,13 @@ def _off(motion: Motion, j: int, k: int, h: float) -> float | None:
     gain, rows, order = ((1.0, motion.position, 2), (2.0, motion.orientation, 2))[j]
     if (read := motion.recorded[j]) is not None:
         gain, rows, order = 1.0, read, 1
-    near, weights = rows[k - HALF : k + HALF + 1], _between(order)
+    near, own = rows[k - HALF : k + HALF + 1], coefficients(order)
+    weights = coefficients(order, NEXT) - own
+    of_noise = float(np.linalg.norm(weights) / np.linalg.norm(own))
     scale = gain / h**order
     off = scale * float(np.linalg.norm(weights @ near))
     rounding = scale * WRITTEN_ROUNDING * float(np.abs(near).max() * np.linalg.norm(weights))
-    return off if off > max(SURE_PEAK * _of_noise(order) * motion.noise[j], rounding) else None
+    return off if off > max(SURE_PEAK * of_noise * motion.noise[j], rounding) else None
 
 
 Listener = Callable[[Motion, list[Jump]], None]

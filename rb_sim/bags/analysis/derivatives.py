@@ -200,7 +200,7 @@ def even(
 
 def _derivative(rows: np.ndarray, order: int, h: float) -> np.ndarray:
     """Derivative along each row, sample period h; half a window at either end is invalid."""
-    return convolve1d(rows, _coefficients(order), axis=1, mode="constant") / h**order
+    return convolve1d(rows, coefficients(order), axis=1, mode="constant") / h**order
 
 
 def _sigma(rows: np.ndarray, h: float) -> np.ndarray:
@@ -209,20 +209,21 @@ def _sigma(rows: np.ndarray, h: float) -> np.ndarray:
     By the median of the scatter, assuming a normal distribution: occasional impacts do not count.
     """
     rest = (_derivative(rows, 0, h) - rows)[:, WINDOW // 2 : -(WINDOW // 2)]
-    own = 1.0 - _coefficients(0)[WINDOW // 2]  # fraction of the noise's variance in the residual
+    own = 1.0 - coefficients(0)[WINDOW // 2]  # fraction of the noise's variance in the residual
     sigma = np.median(np.abs(rest), axis=1) / (NORMAL * np.sqrt(own))
     return np.where(sigma > WRITTEN_ROUNDING * np.abs(rows).max(axis=1), sigma, 0.0)
 
 
 def _gain(order: int, h: float) -> float:
     """Ratio of the noise of a filtered derivative to that of the samples."""
-    return float(np.linalg.norm(_coefficients(order))) / h**order
+    return float(np.linalg.norm(coefficients(order))) / h**order
 
 
 @cache
-def _coefficients(order: int) -> np.ndarray:
-    """Filter weights (WINDOW,) for a sample period of 1."""
-    return savgol_coeffs(WINDOW, ORDER, deriv=order)
+def coefficients(order: int, polynomial: int = ORDER) -> np.ndarray:
+    """Filter weights (WINDOW,) of a derivative, for a sample period of 1 and a polynomial of that
+    order."""
+    return savgol_coeffs(WINDOW, polynomial, deriv=order)
 
 
 def _spin(rate: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -238,7 +239,7 @@ def error_at(turn: float) -> float:
     if turn < SLOW:
         return 0.0
     half, k = 0.5 * turn, np.arange(WINDOW) - WINDOW // 2
-    return float(abs(1.0 + _coefficients(2) @ np.cos(half * k) / half**2))
+    return float(abs(1.0 + coefficients(2) @ np.cos(half * k) / half**2))
 
 
 class Taken(NamedTuple):

@@ -99,7 +99,7 @@ class RecordedRun:
         found.notes += reader.left_out
         if any(missing.within for missing in reader.missing):
             found.notes.append("balances span the missing messages and contain their effect")
-        found.balance = self._balances.finish()
+        found.balances[self._scene.name or "scene"] = self._balances.finish()
         found.notes += [*self._unknown, *self._balances.notes]
         found.contacts = self._balances.contacts
         found.constraints = None if self._constraints is None else self._constraints.as_dict()

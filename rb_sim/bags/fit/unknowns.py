@@ -22,7 +22,7 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.base.names import keys_of
 from rb_sim.base.rounding import WRITTEN_ROUNDING
 from rb_sim.catalogue.spec import radians_of
-from rb_sim.io.bag.reader import value_at
+from rb_sim.io.bag.reader import replaced, value_at
 from rb_sim.numerics.rotations import from_rotation_vector, product, unit
 from rb_sim.scene.schema import SimulationOptions
 
@@ -125,38 +125,26 @@ def with_numbers(
     data: Mapping[str, Any], free: Sequence[Free], values: np.ndarray, attitudes: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The scene's data with these values. attitudes: start quaternions by key."""
-    changed = _copy(data)
+    changed: Any = data
     turns: dict[str, np.ndarray] = {}
     for number, value in zip(free, values.tolist(), strict=True):
         if number.turn:
             turns.setdefault(number.key, np.zeros(3))[number.index or 0] = value
             continue
-        *path, last = keys_of(number.key) or (number.key,)
-        at = changed
-        for name in path:
-            at = at[name]
-        if number.index is None:
-            at[last] = value
-        else:
-            vector = list(at.get(last, [0.0, 0.0, 0.0]))
+        if number.index is not None:
+            vector = list(_value(changed, number.key))
             vector[number.index] = value
-            at[last] = vector
+            value = vector
+        changed = replaced(changed, keys_of(number.key) or (number.key,), value)
     for key, turn in turns.items():
-        body = changed["bodies"][body_of(key)]
         q = product(from_rotation_vector(turn), unit(attitudes[key]))
-        body["orientation"] = q.tolist()
+        changed = replaced(changed, ("bodies", body_of(key), "orientation"), q.tolist())
     return changed
 
 
 def body_of(key: str) -> Any:
     """Name of the body in a path like `bodies.top.orientation`."""
     return (keys_of(key) or ("", ""))[1]
-
-
-def _copy(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _copy(entry) for key, entry in value.items()}
-    return [_copy(entry) for entry in value] if isinstance(value, (list, tuple)) else value
 
 
 def start_of(free: Sequence[Free]) -> np.ndarray:

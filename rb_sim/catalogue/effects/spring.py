@@ -127,24 +127,6 @@ def separation(row, B, A):
     )
 
 
-def separation_rate(row, B, A):
-    """Rate of `separation`: the difference of the two material points' velocities, world axes
-    [m/s]."""
-    return sub(
-        add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B))),
-        add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, row.r_A))),
-    )
-
-
-def velocity_past_parent(row, B, A):
-    """Velocity of the body's point relative to the parent's material point at the same place, world
-    axes [m/s]."""
-    r = rotate(B.q_WB, row.r_B)
-    arm = sub(add(B.p_WC, r), A.p_WC)
-    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
-    return sub(own, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), arm)))
-
-
 def at_point(row, B, f):
     """The wrench of a force f (world) that acts at r_B."""
     return f, cross(row.r_B, unrotate(B.q_WB, f))
@@ -169,7 +151,8 @@ def spring_potential(row, t, body, B, A):
 def damper(row, t, body, B, A):
     """-c (u . d') u, with d the separation and u = d/|d|: acts on the rate of the length only."""
     d = separation(row, B, A)
-    rate = dot(d, separation_rate(row, B, A))
+    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
+    rate = dot(d, sub(own, add(A.v_WC, rotate(A.q_WB, cross(A.w_WB_B, row.r_A)))))
     return at_point(row, B, scale(-row.damping * rate / dot(d, d), d))
 
 
@@ -188,5 +171,9 @@ def bushing_potential(row, t, body, B, A):
 
 @wrench.register(BushingDamperRow)
 def bushing_damper(row, t, body, B, A):
-    """-c v, with v the relative velocity of `velocity_past_parent`."""
-    return at_point(row, B, scale(-row.damping, velocity_past_parent(row, B, A)))
+    """-c v, with v the velocity of the body's point relative to the parent's material point at the
+    same place."""
+    arm = sub(add(B.p_WC, rotate(B.q_WB, row.r_B)), A.p_WC)
+    own = add(B.v_WC, rotate(B.q_WB, cross(B.w_WB_B, row.r_B)))
+    v = sub(own, add(A.v_WC, cross(rotate(A.q_WB, A.w_WB_B), arm)))
+    return at_point(row, B, scale(-row.damping, v))

@@ -26,8 +26,19 @@ from rb_sim.base.errors import RbSimError
 from rb_sim.base.plain_data import write_json
 from rb_sim.cli.plain import plain_console, progress
 from rb_sim.cli.verbs.scenes import with_changes
-from rb_sim.scene.load import load_scene
+from rb_sim.scene.listing import find_scene
+from rb_sim.scene.load import is_statics, load_scene, load_statics
 from rb_sim.simulation.outputs import writing
+
+
+def of_scene(
+    scene: str, out: Path | None, target: float | None, budget: float, changes: Sequence[str]
+) -> int:
+    """`accuracy`, or `of_statics` for a statics scene."""
+    path = find_scene(scene)
+    if is_statics(path):
+        return of_statics(path, out, target, changes)
+    return accuracy(path, out, target, budget, changes)
 
 
 def accuracy(
@@ -77,8 +88,6 @@ def of_statics(
     Returns the exit code 0. Raises RbSimError for a scene that cannot be read or a folder that
     cannot be written.
     """
-    from rb_sim.scene.load import load_statics
-
     described = with_changes(scene, changes, load_statics)
     if target is not None:
         raise RbSimError(

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from rb_sim.base.errors import RbSimError
 
 if TYPE_CHECKING:
-    from rb_sim.sweeps.hard_cases import Case, PeerRow, Row
+    from rb_sim.sweeps.hard_cases import Case, Row
 
 FOLDER = "hard_cases"
 
@@ -36,15 +36,16 @@ def shipped() -> Path:
 
 def hard_cases(
     folder: Path | None,
-    only: Sequence[str],
+    only: Sequence[str] | None,
     out: Path | None,
     quick: bool,
-    beside: Callable[[Case, Sequence[Row]], list[PeerRow]] | None = None,
+    beside: Callable[[Case, Sequence[Row]], None] | None = None,
+    below: Callable[[], str] = str,
 ) -> int:
     """Run the cases and print one row each; returns 1 if one fails. Raises RbSimError for bad
     cases.
 
-    beside: returns rows of other engines for a case and its rows; they do not affect the exit code.
+    beside: called with each case and all rows so far; below: Markdown below the table of results.
     """
     from rb_sim.simulation.outputs import writing
     from rb_sim.sweeps.hard_cases import FAILS, load_cases, rows_of, write
@@ -53,7 +54,7 @@ def hard_cases(
         raise RbSimError(
             f"{folder}: is no folder; FOLDER must hold cases (YAML), or omit it for those of rb_sim"
         )
-    cases = load_cases(folder or shipped(), only)
+    cases = load_cases(folder or shipped(), only or ())
     cases = [case for case in cases if case.quick or not quick]
     if not cases:
         raise RbSimError("--quick: none of these cases is a quick one")
@@ -61,19 +62,18 @@ def hard_cases(
     print(
         line("case", "method", "step/tol.", "figure", "is", "bound", "margin", "CPU [s]", "verdict")
     )
-    others: list[PeerRow] = []
     for case in cases:
         for row in rows_of(case):
             rows.append(row)
             print(row_text(row), flush=True)
         if beside is not None:
-            others += beside(case, rows)
+            beside(case, rows)
     failed = [row for row in rows if row.verdict == FAILS]
     for row in failed:
         print(f"fails: {row.case}, {row.method}: {row.message or row.check}", file=sys.stderr)
     if out is not None:
         with writing(out):
-            print(f"wrote {', '.join(map(str, write(out, cases, rows, others, quick)))}")
+            print(f"wrote {', '.join(map(str, write(out, cases, rows, quick, below())))}")
     print(
         f"{len(rows) - len(failed)} of {len(rows)} rows are within their bound or are "
         "documented limits"

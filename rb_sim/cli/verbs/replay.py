@@ -50,6 +50,18 @@ MOST_RATE = 1e4
 """Largest playback rate, in simulated seconds per second, as for the node."""
 
 
+def of_arguments(
+    bag: Path, *, publish: bool, rate: float | None, loop: bool, start: float | None, **files: Any
+) -> int:
+    """`replay` with these files, or `play` with --publish."""
+    options = PlayOptions(rate, loop, start)
+    if publish:
+        return play(bag, options, alone=not any(files.values()))
+    options.refuse()
+    replay(bag, **files)
+    return 0
+
+
 def replay(
     bag: Path,
     save: Path | None = None,
@@ -242,7 +254,7 @@ def convert(reader: BagReader, recording: Path, *, motion_only: bool = False) ->
     return ends[1] - ends[0] if ends else 0.0
 
 
-def show(source: str, save: Path | None = None, *, browse: bool = False) -> None:
+def show(source: str, save: Path | None = None, browse: bool = False) -> None:
     """Write a page (.html) that shows a run in 3D: of an output folder, any bag, or a scene.
 
     save: path of the page; None: show.html in the output folder, else NAME.html in the current one.

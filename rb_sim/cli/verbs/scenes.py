@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from rb_sim.base.errors import RbSimError, SceneError
 
 if TYPE_CHECKING:
+    import typer
+
     from rb_sim.scene.schema import Scene
 
 Loaded = TypeVar("Loaded", bound="Scene")
@@ -28,8 +30,9 @@ Loaded = TypeVar("Loaded", bound="Scene")
 # `rb_sim warm`: compile in advance, so that a first run starts as fast as a second one.
 
 
-def warm(names: list[str], method: str | None = None) -> int:
-    """Compile the given scenes (files or names), or all shipped ones, into the cache.
+def warm(scene: Sequence[str] | None = None, method: str | None = None) -> int:
+    """Compile the given scenes (files or names), or all shipped ones if there are none, into the
+    cache.
 
     method: replaces the scenes' own. A scene that cannot be loaded is reported, the others are
     compiled; the exit code is 2 then. Raises RbSimError if a given scene does not exist.
@@ -38,7 +41,7 @@ def warm(names: list[str], method: str | None = None) -> int:
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.simulation import compiled
 
-    paths = [find_scene(name) for name in names] or [scene.path for scene in list_scenes()]
+    paths = [find_scene(name) for name in scene or ()] or [scene.path for scene in list_scenes()]
     if not paths:
         raise RbSimError("the installation has no scenes; name one: rb_sim warm SCENE")
     failed = False
@@ -65,7 +68,7 @@ def warm(names: list[str], method: str | None = None) -> int:
 # `rb_sim layout`: layouts of other programs for the topics of a scene.
 
 
-def layout(name: str, out: Path | None = None) -> int:
+def layout(scene: str, out: Path | None = None) -> int:
     """Write layouts of a scene for Foxglove, RViz and PlotJuggler into `out` or the current folder.
 
     Raises SceneError; RbSimError for a folder that cannot be written.
@@ -76,13 +79,13 @@ def layout(name: str, out: Path | None = None) -> int:
     from rb_sim.scene.load import load_scene
     from rb_sim.simulation.outputs import writing
 
-    scene = load_scene(find_scene(name))
-    topics = shown(scene, compile_scene(scene).layout)
+    loaded = load_scene(find_scene(scene))
+    topics = shown(loaded, compile_scene(loaded).layout)
     folder = Path() if out is None else out
     texts = {
-        f"{scene.name}.foxglove.json": foxglove(topics),
-        f"{scene.name}.rviz": rviz(topics),
-        f"{scene.name}.plotjuggler.xml": plotjuggler(topics),
+        f"{loaded.name}.foxglove.json": foxglove(topics),
+        f"{loaded.name}.rviz": rviz(topics),
+        f"{loaded.name}.plotjuggler.xml": plotjuggler(topics),
     }
     with writing(folder):
         for file, text in texts.items():
@@ -93,13 +96,28 @@ def layout(name: str, out: Path | None = None) -> int:
     return 0
 
 
-def scenes(folder: Path | None = None, statics: bool = False) -> int:
+def node(context: typer.Context, scene: str) -> int:
+    """Run the node with the arguments that follow the scene; returns its status."""
+    from rb_sim.ros.main import main as run_node
+    from rb_sim.scene.listing import find_scene
+
+    return run_node([str(find_scene(scene)), *context.args])
+
+
+def scenes(folder: Path | None = None, show: bool = False, statics: bool = False) -> int:
     """Print the shipped scenes, or those of a folder. Raises RbSimError if there are none.
 
-    statics: the shipped scenes for `rb_sim statics`.
+    show: print the YAML of the scene `folder` instead. statics: the shipped scenes for `rb_sim
+    statics`.
     """
-    from rb_sim.scene.listing import list_scenes, statics_folder
+    from rb_sim.scene.listing import find_scene, list_scenes, statics_folder
 
+    if show:
+        if folder is None:
+            raise RbSimError("--show: got no scene; must be the NAME of a scene")
+        text = find_scene(str(folder)).read_text(encoding="utf-8")
+        print(text, end="" if text.endswith("\n") else "\n")
+        return 0
     listed = list_scenes(statics_folder() if statics and folder is None else folder)
     if not listed:
         where = "the installation has no scenes" if folder is None else f"{folder}: no scene in it"

@@ -16,14 +16,28 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
+from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rb_sim.base.errors import AccuracyWarning
+from rb_sim.base.errors import AccuracyWarning, RbSimError
 from rb_sim.cli.plain import plain_console, warn
 from rb_sim.sweeps.plan import load_plan, shipped_plans
 from rb_sim.sweeps.sweep import sweep as run_plan
+
+
+def of_arguments(plan: str, folder: Path | None, out: Path | None, **options: Any) -> int:
+    """`sweep` with these options, or another form of the verb: `list`, `report DIR`."""
+    if plan == "list":
+        return sweep_plans()
+    if plan == "report":
+        if folder is None:
+            raise RbSimError("report: got no folder; must be the folder of a sweep (its --out)")
+        return sweep_report(folder)
+    if folder is not None:
+        raise RbSimError(f"got {str(folder)!r}; give the folder of the results as --out {folder}")
+    return sweep(plan, out, **options)
 
 
 def sweep(

@@ -22,14 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rb_sim.compiler.graph.emit import RARELY, Pieces
-from rb_sim.compiler.graph.machine import (
-    Law,
-    PlainLaw,
-    interpreted,
-    linked,
-    named_law,
-    pointer_type,
-)
+from rb_sim.compiler.graph.machine import Law, PlainLaw, interpreted, linked, named_law
 from rb_sim.compiler.graph.symbols import (
     INPUTS,
     Condition,
@@ -205,12 +198,11 @@ def compile_columns(outputs: Sequence[Any], n: int) -> Law | PlainColumns:
     tangents = Tangents(outputs, n)
     if interpreted():
         return PlainColumns(tangents)
-    pointer = pointer_type()
     once = Pieces(tangents.once)
     name, first = named_law("once", once, 2 if len(once.parts) == 1 else 0)
-    parts = [_Part(tangents, k, pointer).text() for k in range(len(tangents.pieces.parts))]
+    parts = [_Part(tangents, k).text() for k in range(len(tangents.pieces.parts))]
     # called once per step with a factorisation: not worth more of LLVM's time
-    return linked([*parts, _driver(tangents, name, pointer)], level=0, others={name: first})
+    return linked([*parts, _driver(tangents, name)], level=0, others={name: first})
 
 
 class Tangents:
@@ -255,8 +247,8 @@ class _Part(Vectors):
     """Writer of one part: %y holds the directions, %p the numbers computed once, %frame
     intermediates."""
 
-    def __init__(self, tangents: Tangents, number: int, pointer: str) -> None:
-        super().__init__(pointer, 0)
+    def __init__(self, tangents: Tangents, number: int) -> None:
+        super().__init__(0)
         self.tangents, self.number = tangents, number
 
     def value(self, x: Any) -> str:
@@ -270,8 +262,8 @@ class _Part(Vectors):
             return self.load("%frame", tangents.pieces.slots[x.number])
         if x.op in INPUTS and x.number not in tangents.place:
             return self.load("%y", x.operands[0] - tangents.n)
-        at = f"getelementptr double, {self.pointer} %p, i64 {tangents.place[x.number]}"
-        number = self.line(f"load double, {self.pointer} {self.line(at)}, align 8")
+        at = f"getelementptr double, ptr %p, i64 {tangents.place[x.number]}"
+        number = self.line(f"load double, ptr {self.line(at)}, align 8")
         alone = self.line(f"insertelement {VECTOR} undef, double {number}, i32 0")
         one = f"<{LANES} x i32> zeroinitializer"
         everywhere = self.line(f"shufflevector {VECTOR} {alone}, {VECTOR} undef, {one}")
@@ -281,7 +273,7 @@ class _Part(Vectors):
 
     def text(self) -> str:
         """LLVM IR of the function as a module."""
-        tangents, p = self.tangents, self.pointer
+        tangents = self.tangents
         for x in tangents.pieces.parts[self.number]:
             self.add(x)
             if x.number in tangents.pieces.slots:
@@ -290,22 +282,22 @@ class _Part(Vectors):
             if tangents.pieces.part_of_output(x) == self.number:
                 self.store(self.value(x), i)
         head = (
-            f"define void @part{self.number}({p} noalias readonly %y, {p} noalias readonly %p, "
-            f"{p} noalias %out, {p} noalias %frame) nounwind {{"
+            f"define void @part{self.number}(ptr noalias readonly %y, ptr noalias readonly %p, "
+            f"ptr noalias %out, ptr noalias %frame) nounwind {{"
         )
         return "\n".join([*sorted(self.declared), head, *self.lines, "  ret void", "}", RARELY, ""])
 
 
 DRIVER = """
-declare $byte @calloc(i64, i64)
-declare void @free($byte)
-declare void @$once(double, $p, $p, $p)
+declare ptr @calloc(i64, i64)
+declare void @free(ptr)
+declare void @$once(double, ptr, ptr, ptr)
 $declared
-define void @law(double %t, $p %y, $p %p, $p %out) nounwind {
+define void @law(double %t, ptr %y, ptr %p, ptr %out) nounwind {
 entry:
-  $given = call $byte @calloc(i64 $size, i64 8)
+  %workspace = call ptr @calloc(i64 $size, i64 8)
   $places
-  call void @$once(double %t, $p %y, $p %p, $p %known)
+  call void @$once(double %t, ptr %y, ptr %p, ptr %known)
   br label %columns
 columns:
   %j = phi i64 [ 0, %entry ], [ %j_next, %written ]
@@ -326,10 +318,10 @@ in_row:
   %l = phi i64 [ 0, %row ], [ %l_next, %in_row ]
   %from_l = add i64 %from, %l
   %to_l = add i64 %to, %l
-  %source = getelementptr double, $p %result, i64 %from_l
-  %goal = getelementptr double, $p %out, i64 %to_l
-  %x = load double, $p %source, align 8
-  store double %x, $p %goal, align 8
+  %source = getelementptr double, ptr %result, i64 %from_l
+  %goal = getelementptr double, ptr %out, i64 %to_l
+  %x = load double, ptr %source, align 8
+  store double %x, ptr %goal, align 8
   %l_next = add i64 %l, 1
   %more_l = icmp slt i64 %l_next, %count
   br i1 %more_l, label %in_row, label %row_end
@@ -342,7 +334,7 @@ written:
   %more_j = icmp slt i64 %j_next, $n
   br i1 %more_j, label %columns, label %done
 done:
-  call void @free($byte $given)
+  call void @free(ptr %workspace)
   ret void
 }
 """
@@ -352,46 +344,40 @@ The workspace comes from calloc: the stack of a thread may be too small for many
 """
 
 
-def _driver(tangents: Tangents, once: str, pointer: str) -> str:
+def _driver(tangents: Tangents, once: str) -> str:
     """DRIVER filled in for these tangents; once: name of the law of the numbers computed once."""
-    p, n, rows, typed = pointer, tangents.n, len(tangents.outputs), pointer != "ptr"
-    given, places, at = "%given" if typed else "%workspace", [], 0
+    n, rows, places, at = tangents.n, len(tangents.outputs), [], 0
     for name, count in (
         ("known", len(tangents.once)),
         ("directions", (n + LANES) * LANES),
         ("result", rows * LANES),
         ("frame", tangents.pieces.frame * LANES),
     ):
-        places.append(f"%{name} = getelementptr double, {p} %workspace, i64 {at}")
+        places.append(f"%{name} = getelementptr double, ptr %workspace, i64 {at}")
         at += count
-    arguments = f"{p} %directions, {p} %known, {p} %result, {p} %frame"
+    arguments = "ptr %directions, ptr %known, ptr %result, ptr %frame"
     parts = range(len(tangents.pieces.parts))
     return Template(DRIVER).substitute(
-        p=p,
-        byte="i8*" if typed else "ptr",
-        given=given,
         once=once,
         n=n,
         rows=rows,
         lanes=LANES,
         size=at,
-        declared="\n".join(f"declare void @part{k}({p}, {p}, {p}, {p})" for k in parts),
-        places="\n  ".join(
-            ([f"%workspace = bitcast i8* {given} to {p}"] if typed else []) + places
-        ),
+        declared="\n".join(f"declare void @part{k}(ptr, ptr, ptr, ptr)" for k in parts),
+        places="\n  ".join(places),
         calls="\n  ".join(f"call void @part{k}({arguments})" for k in parts),
-        on="\n  ".join(_unit_directions(p, "on", "1.0")),
-        off="\n  ".join(_unit_directions(p, "off", "0.0")),
+        on="\n  ".join(_unit_directions("on", "1.0")),
+        off="\n  ".join(_unit_directions("off", "0.0")),
     )
 
 
-def _unit_directions(pointer: str, name: str, value: str) -> list[str]:
+def _unit_directions(name: str, value: str) -> list[str]:
     """Instructions that write the value to coordinate j + l in lane l, for every lane l."""
     lines = [f"%{name} = mul i64 %j, {LANES}"]
     for lane in range(LANES):
         lines += [
             f"%{name}{lane} = add i64 %{name}, {lane * LANES + lane}",
-            f"%{name}at{lane} = getelementptr double, {pointer} %directions, i64 %{name}{lane}",
-            f"store double {value}, {pointer} %{name}at{lane}, align 8",
+            f"%{name}at{lane} = getelementptr double, ptr %directions, i64 %{name}{lane}",
+            f"store double {value}, ptr %{name}at{lane}, align 8",
         ]
     return lines

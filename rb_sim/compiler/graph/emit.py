@@ -74,33 +74,29 @@ class Pieces:
         return list(dict.fromkeys(calls))
 
 
-def modules(pieces: Pieces, pointer: str) -> list[str]:
-    """LLVM IR of the law, one text per module; pointer: LLVM's type of a pointer to double."""
+def modules(pieces: Pieces) -> list[str]:
+    """LLVM IR of the law, one text per module."""
     if len(pieces.parts) == 1:
-        return [Piece(pieces, 0, pointer).module(whole=True)]
-    texts = [Piece(pieces, k, pointer).module() for k in range(len(pieces.parts))]
-    arguments = f"double %t, {pointer} %y, {pointer} %p, {pointer} %out"
+        return [Piece(pieces, 0).module(whole=True)]
+    texts = [Piece(pieces, k).module() for k in range(len(pieces.parts))]
+    arguments = "double %t, ptr %y, ptr %p, ptr %out"
     declared, calls = [], []
     for k in range(len(pieces.parts)):
-        declared.append(f"declare void @piece{k}({_types(pointer)})")
-        calls.append(f"  call void @piece{k}({arguments}, {pointer} %frame)")
-    frame = _frame(pieces.frame, pointer)
-    body = [f"define void @law({arguments}) {{", *frame, *calls, "  ret void", "}"]
+        declared.append(f"declare void @piece{k}(double, ptr, ptr, ptr, ptr)")
+        calls.append(f"  call void @piece{k}({arguments}, ptr %frame)")
+    body = [
+        f"define void @law({arguments}) {{",
+        _array("%frame", pieces.frame),
+        *calls,
+        "  ret void",
+        "}",
+    ]
     return [*texts, "\n".join([*declared, *body, ""])]
 
 
-def _frame(count: int, pointer: str) -> list[str]:
-    """Instructions for %frame, an array of `count` numbers on the stack."""
-    array = f"[{max(1, count)} x double]"
-    kind = f"{array}*" if pointer != "ptr" else "ptr"
-    return [
-        f"  %workspace = alloca {array}, align 16",
-        f"  %frame = getelementptr {array}, {kind} %workspace, i64 0, i64 0",
-    ]
-
-
-def _types(pointer: str) -> str:
-    return f"double, {pointer}, {pointer}, {pointer}, {pointer}"
+def _array(name: str, count: int) -> str:
+    """Instruction that reserves an array of `count` numbers on the stack."""
+    return f"  {name} = alloca [{max(1, count)} x double], align 16"
 
 
 class Operations:
@@ -111,8 +107,7 @@ class Operations:
     functions."""
     intrinsic: tuple[str, ...] = ("sqrt", "sin", "cos", "fabs", "floor")
 
-    def __init__(self, pointer: str) -> None:
-        self.pointer = pointer
+    def __init__(self) -> None:
         self.lines: list[str] = []
         self.names: dict[int, str] = {}
         """names of the results by the numbers of their symbols."""
@@ -163,8 +158,8 @@ class Operations:
 class Piece(Operations):
     """Writer of one piece as a function."""
 
-    def __init__(self, pieces: Pieces, number: int, pointer: str) -> None:
-        super().__init__(pointer)
+    def __init__(self, pieces: Pieces, number: int) -> None:
+        super().__init__()
         self.pieces, self.number = pieces, number
 
     def module(self, whole: bool = False) -> str:
@@ -173,42 +168,35 @@ class Piece(Operations):
         for x in self.pieces.parts[self.number]:
             names[x.number] = self.operation(x)
             if slots and x.op != "call" and x.number in slots:
-                self.store(self.as_double(x), "%frame", slots[x.number])
+                value = names[x.number]
+                if isinstance(x, Condition):  # a condition becomes 1.0 or 0.0
+                    value = self.line(f"uitofp i1 {value} to double")
+                self.store(value, "%frame", slots[x.number])
         for i, x in enumerate(self.pieces.outputs):
-            if self.belongs(x):
+            if self.pieces.part_of_output(x) == self.number:
                 self.store(self.value(x), "%out", i)
-        p = self.pointer
-        name, frame = ("law", "") if whole else (f"piece{self.number}", f", {p} noalias %frame")
+        name, frame = ("law", "") if whole else (f"piece{self.number}", ", ptr noalias %frame")
         head = (
-            f"define void @{name}(double %t, {p} noalias readonly %y, "
-            f"{p} noalias readonly %p, {p} noalias %out{frame}) nounwind {{"
+            f"define void @{name}(double %t, ptr noalias readonly %y, "
+            f"ptr noalias readonly %p, ptr noalias %out{frame}) nounwind {{"
         )
         if whole and self.pieces.frame:
-            self.lines[:0] = _frame(self.pieces.frame, p)
+            self.lines.insert(0, _array("%frame", self.pieces.frame))
         lines = [*sorted(self.declared), head, *self.lines, "  ret void", "}", RARELY, ""]
         return "\n".join(lines)
 
-    def belongs(self, x: Any) -> bool:
-        """Whether this piece writes the output."""
-        return self.pieces.part_of_output(x) == self.number
-
     def place(self, base: str, index: int) -> str:
         """Name of the address of the number at an index."""
-        return self.line(f"getelementptr double, {self.pointer} {base}, i64 {index}")
+        return self.line(f"getelementptr double, ptr {base}, i64 {index}")
 
     def load(self, base: str, index: int) -> str:
         """Load the number at an index."""
-        return self.line(f"load double, {self.pointer} {self.place(base, index)}, align 8")
+        return self.line(f"load double, ptr {self.place(base, index)}, align 8")
 
     def store(self, value: str, base: str, index: int) -> None:
         """Store a number at an index."""
         at = self.place(base, index)
-        self.lines.append(f"  store double {value}, {self.pointer} {at}, align 8")
-
-    def as_double(self, x: Symbol) -> str:
-        """Name of a value as a number; a condition becomes 1.0 or 0.0."""
-        value = self.names[x.number]
-        return self.line(f"uitofp i1 {value} to double") if isinstance(x, Condition) else value
+        self.lines.append(f"  store double {value}, ptr {at}, align 8")
 
     def value(self, x: Any) -> str:
         """Name of an operand in this function, loaded if it is an input or from another piece."""
@@ -245,16 +233,12 @@ class Piece(Operations):
     def call(self, x: Symbol) -> str:
         """Write a call by address: arguments in a local array, results in the frame."""
         function, *arguments = x.operands
-        array_type = f"[{max(1, len(arguments))} x double]"
-        array = self.line(f"alloca {array_type}, align 16")
-        kind = "ptr" if self.pointer == "ptr" else f"{array_type}*"
-        start = self.line(f"getelementptr {array_type}, {kind} {array}, i64 0, i64 0")
+        start = self.line(f"alloca [{max(1, len(arguments))} x double], align 16")
         for i, argument in enumerate(arguments):
             self.store(self.value(argument), start, i)
         results = self.place("%frame", self.pieces.slots[x.number])
-        p = self.pointer
-        self.declared.add(f"declare void @{function.name}({p}, {p})")
-        self.lines.append(f"  call void @{function.name}({p} {start}, {p} {results})")
+        self.declared.add(f"declare void @{function.name}(ptr, ptr)")
+        self.lines.append(f"  call void @{function.name}(ptr {start}, ptr {results})")
         return results
 
 

@@ -28,6 +28,7 @@ import llvmlite.binding as llvm
 from rb_sim.compiler.graph import store, symbols
 from rb_sim.compiler.graph.emit import Pieces, constant, modules, python_source
 from rb_sim.compiler.graph.symbols import External
+from rb_sim.compiler.graph.typed_pointers import with_typed_pointers
 
 FORMAT = "2"
 """Version of the files on disk and of the signature of a law."""
@@ -104,11 +105,6 @@ def target_machine(level: int = 2) -> Any:
     return target.create_target_machine(cpu=processor, features=features, opt=level, jit=True)
 
 
-def pointer_type() -> str:
-    """LLVM's type of a pointer to double; `double*` up to LLVM 15."""
-    return "ptr" if llvm.llvm_version_info[0] > 15 else "double*"
-
-
 @cache
 def folder(root: str) -> Any:
     """Folder of laws below the cache root for this machine, version of LLVM and format."""
@@ -127,14 +123,14 @@ def compile_law(outputs: Sequence[Any], *, often: bool = True) -> Law | PlainLaw
     if interpreted():
         return PlainLaw(outputs)
     pieces = Pieces(outputs)
-    texts = modules(pieces, pointer_type())
+    texts = modules(pieces)
     return linked(texts, pieces.externals, 2 if often or len(texts) == 1 else 0)
 
 
 def named_law(role: str, pieces: Pieces, level: int) -> tuple[str, Law]:
     """(name, law) of a law that others call by name (see `linked`); the name depends on its
     content."""
-    texts = modules(pieces, pointer_type())
+    texts = modules(pieces)
     name = f"rb_sim_{role}_{_hash_of(texts)[:40]}"
     return name, linked(texts, pieces.externals, level)
 
@@ -201,27 +197,24 @@ def bound(function: int, numbers: Sequence[float], arguments: int) -> Law:
 
     Valid in this process only, so it is not stored on disk.
     """
-    p, count = pointer_type(), len(numbers) + arguments
-    array_type, kind = f"[{count} x double]", f"void ({p}, {p})"
-    array = "ptr" if p == "ptr" else f"{array_type}*"
+    count = len(numbers) + arguments
     lines = [
-        f"define void @law({p} %arguments, {p} %results) nounwind {{",
-        f"  %workspace = alloca {array_type}, align 16",
+        "define void @law(ptr %arguments, ptr %results) nounwind {",
+        f"  %workspace = alloca [{count} x double], align 16",
     ]
     for i in range(count):
-        lines.append(f"  %to{i} = getelementptr {array_type}, {array} %workspace, i64 0, i64 {i}")
+        lines.append(f"  %to{i} = getelementptr double, ptr %workspace, i64 {i}")
         value = f"%x{i}"
         if i < len(numbers):
             value = constant(numbers[i])
         else:
             at = i - len(numbers)
-            lines.append(f"  %of{i} = getelementptr double, {p} %arguments, i64 {at}")
-            lines.append(f"  %x{i} = load double, {p} %of{i}, align 8")
-        lines.append(f"  store double {value}, {p} %to{i}, align 8")
-    where = "ptr" if p == "ptr" else f"{kind}*"
+            lines.append(f"  %of{i} = getelementptr double, ptr %arguments, i64 {at}")
+            lines.append(f"  %x{i} = load double, ptr %of{i}, align 8")
+        lines.append(f"  store double {value}, ptr %to{i}, align 8")
     lines += [
-        f"  %f = inttoptr i64 {function} to {where}",
-        f"  call {kind if p == 'ptr' else 'void'} %f({p} %to0, {p} %results)",
+        f"  %f = inttoptr i64 {function} to ptr",
+        "  call void %f(ptr %to0, ptr %results)",
         "  ret void",
         "}",
         "",
@@ -278,6 +271,8 @@ def _compile(text: str, level: int = 2) -> bytes:
 
 def new_module(text: str) -> Any:
     """The verified LLVM module of this IR for this machine."""
+    if llvm.llvm_version_info[0] < 15:
+        text = with_typed_pointers(text)
     module = llvm.parse_assembly(text, llvm.create_context())
     module.triple = target_data()[0]
     module.verify()

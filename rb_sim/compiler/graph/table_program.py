@@ -44,28 +44,9 @@ def arrays(name: str, kind: str, entries: Sequence[Any]) -> str:
     return f"{name} = internal constant [{len(entries)} x {kind}] [{inner}], align 16"
 
 
-def first_element(array: str, kind: str, count: int, name: str, pointer: str) -> list[str]:
-    """Instructions that set `name` to the address of the first element of an array."""
-    whole = f"[{count} x {kind}]"
-    at = "ptr" if pointer == "ptr" else f"{whole}*"
-    return [f"  {name} = getelementptr {whole}, {at} {array}, i64 0, i64 0"]
-
-
-def declared(name: str, pointer: str) -> str:
+def declared(name: str) -> str:
     """LLVM declaration of a kernel's loop."""
-    integers = "ptr" if pointer == "ptr" else "i32*"
-    return f"declare void @{name}(double, {', '.join([pointer] * 5)}, {integers}, i64)"
-
-
-def loop_module(
-    pieces: Pieces,
-    widths: Sequence[int],
-    made: Sequence[int],
-    bases: Sequence[str],
-    pointer: str,
-) -> str:
-    """Module with a function `law` that runs the kernel on each row of its table."""
-    return _Loop(pieces, widths, made, bases, pointer).text()
+    return f"declare void @{name}(double, {', '.join(['ptr'] * 6)}, i64)"
 
 
 class _Loop(Piece):
@@ -77,9 +58,8 @@ class _Loop(Piece):
         widths: Sequence[int],
         made: Sequence[int],
         bases: Sequence[str],
-        pointer: str,
     ) -> None:
-        super().__init__(pieces, 0, pointer)
+        super().__init__(pieces, 0)
         self.bases, self.fields = bases, len(widths)
         self.where = [(k, j) for k, width in enumerate(widths) for j in range(width)]
         self.to = [(k, j) for k, width in enumerate(made) for j in range(width)]
@@ -99,24 +79,23 @@ class _Loop(Piece):
         return "\n".join([*sorted(self.declared), *self._head(), *self.lines, *self._tail()])
 
     def _head(self) -> list[str]:
-        p, count = self.pointer, len(self.bases)
-        integers = "ptr" if p == "ptr" else "i32*"
-        arguments = ", ".join(f"{p} %{base}" for base in BASES)
+        count = len(self.bases)
+        arguments = ", ".join(f"ptr %{base}" for base in BASES)
         lines = [
-            f"define void @law(double %t, {arguments}, {integers} %rows, i64 %count) nounwind {{",
+            f"define void @law(double %t, {arguments}, ptr %rows, i64 %count) nounwind {{",
             "start:",
             "  br label %again",
             "again:",
             "  %i = phi i64 [ 0, %start ], [ %next, %again ]",
             f"  %row = mul i64 %i, {count}",
-            f"  %entries = getelementptr i32, {integers} %rows, i64 %row",
+            "  %entries = getelementptr i32, ptr %rows, i64 %row",
         ]
         for k, base in enumerate(self.bases):
             lines += [
-                f"  %entry{k} = getelementptr i32, {integers} %entries, i64 {k}",
-                f"  %short{k} = load i32, {integers} %entry{k}, align 4",
+                f"  %entry{k} = getelementptr i32, ptr %entries, i64 {k}",
+                f"  %short{k} = load i32, ptr %entry{k}, align 4",
                 f"  %at{k} = zext i32 %short{k} to i64",
-                f"  %field{k} = getelementptr double, {p} %{base}, i64 %at{k}",
+                f"  %field{k} = getelementptr double, ptr %{base}, i64 %at{k}",
             ]
         return lines
 
@@ -164,13 +143,12 @@ class Kernel:
         self.outputs = [x for field in made for x in field]
         self._modules: dict[Hashable, str] = {}
 
-    def module(self, bases: tuple[str, ...], pointer: str) -> str:
+    def module(self, bases: tuple[str, ...]) -> str:
         """LLVM IR of the loop for fields in these arrays."""
-        key = bases, pointer
-        if key not in self._modules:
-            pieces = Pieces(self.outputs, NO_CUT)
-            self._modules[key] = loop_module(pieces, self.widths, self.made, bases, pointer)
-        return self._modules[key]
+        if bases not in self._modules:
+            loop = _Loop(Pieces(self.outputs, NO_CUT), self.widths, self.made, bases)
+            self._modules[bases] = loop.text()
+        return self._modules[bases]
 
     @cached_property
     def plain(self) -> Callable[..., None]:
@@ -251,54 +229,44 @@ class Program:
                 f"a law with a workspace of {self.frame} numbers; must be at most {MOST_WORKSPACE}:"
                 " the scene is too large, or has too many constraint rows that depend on each other"
             )
-        pointer = machine.pointer_type()
         head, calls, externals, kernels = [], [], [], {}
         for number, call in enumerate(self._calls):
             if isinstance(call.does, External):
                 name, own = call.does.name, ""
                 externals.append(call.does)
-                places = [f"{pointer} {self._in_frame(number, k, calls, pointer)}" for k in (0, 1)]
-                head.append(f"declare void @{name}({pointer}, {pointer})")
+                places = []
+                for k in (0, 1):
+                    places.append(f"ptr %place{number}_{k}")
+                    at = f"getelementptr double, ptr %frame, i64 {call.fields[k].at[0]}"
+                    calls.append(f"  %place{number}_{k} = {at}")
+                head.append(f"declare void @{name}(ptr, ptr)")
                 calls.append(f"  call void @{name}({', '.join(places)})")
                 continue
             bases = tuple(field.base for field in call.fields)
-            text = call.does.module(bases, pointer)
+            text = call.does.module(bases)
             name = f"rb_sim_{hashlib.sha256(text.encode()).hexdigest()[:40]}"
             law = machine.loaded_module(name, text)
             kernels[name] = law
-            head.append(declared(name, pointer))
+            head.append(declared(name))
             own = f"@table{number}"
             table = np.array([field.at for field in call.fields], dtype=np.int32).T
             head.append(arrays(own, "i32", table.ravel().tolist()))
-            calls += first_element(own, "i32", table.size, f"%rows{number}", pointer)
-            integers = "ptr" if pointer == "ptr" else "i32*"
             calls.append(
-                f"  call void @{name}(double %t, {pointer} %y, {pointer} %p, {pointer} %const, "
-                f"{pointer} %frame, {pointer} %out, {integers} %rows{number}, i64 {call.count})"
+                f"  call void @{name}(double %t, ptr %y, ptr %p, ptr @const, "
+                f"ptr %frame, ptr %out, ptr {own}, i64 {call.count})"
             )
-        text = self._text(list(dict.fromkeys(head)), calls, pointer)
+        text = self._text(list(dict.fromkeys(head)), calls)
         return machine.linked([text], externals, 0, kernels)
 
-    def _in_frame(self, number: int, k: int, calls: list[str], pointer: str) -> str:
-        """Name of the address of a field in the frame; its instruction is appended to `calls`."""
-        at = self._calls[number].fields[k].at[0]
-        name = f"%place{number}_{k}"
-        calls.append(f"  {name} = getelementptr double, {pointer} %frame, i64 {at}")
-        return name
-
-    def _text(self, head: list[str], calls: list[str], pointer: str) -> str:
+    def _text(self, head: list[str], calls: list[str]) -> str:
         """LLVM IR of the law."""
-        p, numbers = pointer, self.constants or [0.0]
-        kind = f"[{max(1, self.frame)} x double]"
+        numbers = self.constants or [0.0]
         return "\n".join(
             [
                 *head,
                 arrays("@const", "double", [constant(x) for x in numbers]),
-                f"define void @law(double %t, {p} %y, {p} %p, {p} %out) {{",
-                f"  %workspace = alloca {kind}, align 16",
-                f"  %frame = getelementptr {kind}, {'ptr' if p == 'ptr' else kind + '*'} "
-                "%workspace, i64 0, i64 0",
-                *first_element("@const", "double", len(numbers), "%const", p),
+                "define void @law(double %t, ptr %y, ptr %p, ptr %out) {",
+                f"  %frame = alloca [{max(1, self.frame)} x double], align 16",
                 *calls,
                 "  ret void",
                 "}",

@@ -18,14 +18,7 @@ from typing import Any
 import numpy as np
 
 from rb_sim.compiler.graph.emit import RARELY, Piece, Pieces, constant
-from rb_sim.compiler.graph.machine import (
-    Law,
-    PlainLaw,
-    interpreted,
-    linked,
-    named_law,
-    pointer_type,
-)
+from rb_sim.compiler.graph.machine import Law, PlainLaw, interpreted, linked, named_law
 from rb_sim.compiler.graph.symbols import INPUTS, Symbol, operations
 from rb_sim.compiler.graph.taylor_series import LANES, Series
 
@@ -64,7 +57,7 @@ class Inlined(Piece):
     """
 
     def __init__(self, pieces: Pieces, driver: Writer) -> None:
-        super().__init__(pieces, 0, driver.p)
+        super().__init__(pieces, 0)
         self.driver, self.lines = driver, driver.lines
         self.k, self.row = "%t", "%row"
         self.zeros: list[str] | None = None
@@ -98,8 +91,8 @@ class Inlined(Piece):
 class Writer:
     """Writer of LLVM IR of a series."""
 
-    def __init__(self, series: Series, pointer: str) -> None:
-        self.series, self.p = series, pointer
+    def __init__(self, series: Series) -> None:
+        self.series = series
         self.lines: list[str] = []
         self.count = 0
         self.sums: dict[int, list[str]] = {}
@@ -121,32 +114,22 @@ class Writer:
 
     def place(self, base: str, index: int | str) -> str:
         """Name of the address of the number at an index."""
-        return self.line(f"getelementptr double, {self.p} {base}, i64 {index}")
+        return self.line(f"getelementptr double, ptr {base}, i64 {index}")
 
     def vector(self, width: int) -> str:
         """LLVM type of a vector of `width` numbers."""
         return f"<{width} x double>"
 
-    def at(self, base: str, width: int) -> str:
-        """The address as a pointer to a vector."""
-        if self.p == "ptr":
-            return base
-        return self.line(f"bitcast {self.p} {base} to {self.vector(width)}*")
-
     def load(self, base: str, index: int, width: int) -> str:
         """Load a vector of `width` numbers from an index on."""
         kind = self.vector(width)
-        place = self.at(self.place(base, index), width)
-        return self.line(f"load {kind}, {self._to(kind)} {place}, align 8")
+        return self.line(f"load {kind}, ptr {self.place(base, index)}, align 8")
 
     def store(self, value: str, base: str, index: int, width: int) -> None:
         """Store a vector from an index on."""
         kind = self.vector(width)
-        place = self.at(self.place(base, index), width)
-        self.lines.append(f"  store {kind} {value}, {self._to(kind)} {place}, align 8")
-
-    def _to(self, kind: str) -> str:
-        return "ptr" if self.p == "ptr" else f"{kind}*"
+        at = self.place(base, index)
+        self.lines.append(f"  store {kind} {value}, ptr {at}, align 8")
 
     def row_of(self, rows: str, order: int) -> str:
         """Address of the coefficients of an order."""
@@ -214,10 +197,10 @@ class Sum(Writer):
 
     def sum(self) -> str:
         """LLVM IR of `add`: Horner's rule for the series and its derivative."""
-        n, p, width = self.series.n, self.p, self.series.width
-        head = f"define void @law(double %h, {p} %rows, {p} %order, {p} %out) nounwind {{"
+        n, width = self.series.n, self.series.width
+        head = "define void @law(double %h, ptr %rows, ptr %order, ptr %out) nounwind {"
         self.label("entry")
-        highest = self.line(f"load double, {p} %order, align 8")
+        highest = self.line("load double, ptr %order, align 8")
         last = self.line(f"fptosi double {highest} to i64")
         offset = self.line(f"mul i64 {self.line(f'sub i64 {last}, 1')}, {width}")
         top = self.place("%rows", offset)
@@ -229,7 +212,7 @@ class Sum(Writer):
     def _horner(self, first: int, count: int, top: str, last: str, before: str) -> str:
         """Write Horner's rule for `count` coordinates from `first` on; returns the label of the
         block after it."""
-        p, name = self.p, f"h{first}"
+        name = f"h{first}"
         parts = [(i, min(LANES, count - i)) for i in range(0, count, LANES)]
         zero, one = constant(0.0), constant(1.0)
         starts = self.line("fadd double %h, " + zero)
@@ -239,7 +222,7 @@ class Sum(Writer):
         phis = [
             ("i64", "k", last, f"%{name}_k1"),
             ("double", "f", powers, f"%{name}_f1"),
-            (p, "r", top, f"%{name}_r1"),
+            ("ptr", "r", top, f"%{name}_r1"),
         ]
         for i, w in parts:
             phis += [
@@ -260,7 +243,7 @@ class Sum(Writer):
         self.lines += [
             f"  %{name}_k1 = sub i64 %{name}_k, 1",
             f"  %{name}_f1 = fsub double %{name}_f, {one}",
-            f"  %{name}_r1 = getelementptr double, {p} %{name}_r, i64 -{self.series.width}",
+            f"  %{name}_r1 = getelementptr double, ptr %{name}_r, i64 -{self.series.width}",
         ]
         end = f"{name}_end"
         self.branch(self.line(f"icmp sgt i64 %{name}_k1, 0"), name, end)
@@ -362,10 +345,10 @@ class Driver(Writer):
 
     def expansion(self, start: str, order: str) -> str:
         """LLVM IR of `expand`, which calls the two laws of the series by these names."""
-        series, p = self.series, self.p
-        declared = [f"declare void @{name}(double, {p}, {p}, {p})" for name in (start, order)]
+        series = self.series
+        declared = [f"declare void @{name}(double, ptr, ptr, ptr)" for name in (start, order)]
         last, sums, kept, rows = self._entry()
-        self.lines.append(f"  call void @{start}(double %t, {p} %y, {p} %p, {p} {kept})")
+        self.lines.append(f"  call void @{start}(double %t, ptr %y, ptr %p, ptr {kept})")
         slopes = self.place(kept, series.numbers)
         for i in range(0, series.n, LANES):
             width = min(LANES, series.n - i)
@@ -375,7 +358,7 @@ class Driver(Writer):
             for i, name in enumerate(names):
                 self.store(name, sums, first + LANES * i, LANES)
         out = self.place("%row", series.n)
-        self.lines.append(f"  call void @{order}(double {k}, {p} %row, {p} {sums}, {p} {out})")
+        self.lines.append(f"  call void @{order}(double {k}, ptr %row, ptr {sums}, ptr {out})")
         return self._end(declared, last)
 
     def whole(self) -> str:
@@ -398,7 +381,7 @@ class Driver(Writer):
         values = order.values()
         once = self.line("icmp eq i64 %k, 1")
         aside = self.place("%row", -series.sums - series.width)
-        self.lines.append(f"  %right = select i1 {once}, {self.p} {aside}, {self.p} %row")
+        self.lines.append(f"  %right = select i1 {once}, ptr {aside}, ptr %row")
         self.keep(order, values, "%row", "%right", "%new", "_")
         return self._end([*sorted(self.declared | order.declared)], last)
 
@@ -406,7 +389,7 @@ class Driver(Writer):
         """Write the entry: (highest order, addresses of the sums, the numbers of order 0, the
         rows)."""
         self.label("entry")
-        highest = self.line(f"load double, {self.p} %workspace, align 8")
+        highest = self.line("load double, ptr %workspace, align 8")
         last = self.line(f"fptosi double {highest} to i64")
         sums = self.place("%workspace", HEAD)
         kept = self.place(sums, self.series.sums)
@@ -435,7 +418,7 @@ class Driver(Writer):
         self.label("again")
         self.lines += [
             f"  %k = phi i64 [ {first}, %{before} ], [ %following, %each ]",
-            f"  %row = phi {self.p} [ {row}, %{before} ], [ %after, %each ]",
+            f"  %row = phi ptr [ {row}, %{before} ], [ %after, %each ]",
         ]
         vectors, kind = self.series.sums // LANES, self.vector(LANES)
         if carried is not None:
@@ -451,11 +434,10 @@ class Driver(Writer):
 
     def _end(self, declared: Sequence[str], last: str) -> str:
         """End the loop and the function; returns the text of the function."""
-        p = self.p
-        head = f"define void @law(double %t, {p} %y, {p} %p, {p} %workspace) nounwind {{"
+        head = "define void @law(double %t, ptr %y, ptr %p, ptr %workspace) nounwind {"
         self.lines += [
             "  %following = add i64 %k, 1",
-            f"  %after = getelementptr double, {p} %row, i64 {self.series.width}",
+            f"  %after = getelementptr double, ptr %row, i64 {self.series.width}",
         ]
         self.branch(self.line(f"icmp slt i64 %following, {last}"), "again", "done")
         self.label("done")
@@ -468,7 +450,7 @@ class Driver(Writer):
         Beyond the last term the left factors are those of an earlier series, and the right ones
         zero. Terms with carried factors are added last, so that the others need not wait for them.
         """
-        series, p, name, kind = self.series, self.p, f"g{first}", self.vector(LANES)
+        series, name, kind = self.series, f"g{first}", self.vector(LANES)
         chains = min(ROWS, max(1, CHAINS // count))
         names = [f"{name}_s{i}_{c}" for i in range(count) for c in range(chains)]
         left = series.n + series.events + LANES * first
@@ -483,8 +465,8 @@ class Driver(Writer):
         self.label(ahead)
         self.lines += [
             f"  %{name}_j = phi i64 [ {1 + 2 * skipped}, %{name} ], [ %{name}_next, %{ahead} ]",
-            f"  %{name}_a = phi {p} [ {a}, %{name} ], [ %{name}_a1, %{ahead} ]",
-            f"  %{name}_b = phi {p} [ {b}, %{name} ], [ %{name}_b1, %{ahead} ]",
+            f"  %{name}_a = phi ptr [ {a}, %{name} ], [ %{name}_a1, %{ahead} ]",
+            f"  %{name}_b = phi ptr [ {b}, %{name} ], [ %{name}_b1, %{ahead} ]",
             *(
                 f"  %{one} = phi {kind} [ zeroinitializer, %{name} ], [ %{one}_t, %{ahead} ]"
                 for one in names
@@ -503,8 +485,8 @@ class Driver(Writer):
                 else:
                     self.lines.append(f"  %{one}_t = {text}")
         self.lines += [
-            f"  %{name}_a1 = getelementptr double, {p} %{name}_a, i64 {ROWS * series.width}",
-            f"  %{name}_b1 = getelementptr double, {p} %{name}_b, i64 -{ROWS * series.width}",
+            f"  %{name}_a1 = getelementptr double, ptr %{name}_a, i64 {ROWS * series.width}",
+            f"  %{name}_b1 = getelementptr double, ptr %{name}_b, i64 -{ROWS * series.width}",
             f"  %{name}_next = add i64 %{name}_j, {ROWS}",
         ]
         self.branch(self.line(f"icmp slt i64 %{name}_next, %k"), ahead, f"{name}_end")
@@ -570,17 +552,16 @@ class SeriesLaws:
         if interpreted():
             self.expand, self.add = PlainExpansion(series), PlainSum(series)
             return
-        pointer = pointer_type()
-        self.add = linked([Sum(series, pointer).sum()])
+        self.add = linked([Sum(series).sum()])
         calls = Pieces(series.start).externals
         if operations([*series.start, *series.order]) <= WHOLE and not calls:
-            self.expand = linked([Driver(series, pointer).whole()])
+            self.expand = linked([Driver(series).whole()])
             return
         laws = {}
         for role, made in (("start", series.start), ("order", series.order)):
             laws[role] = named_law(role, Pieces(made, PIECE), 2 if len(made) < SMALL else 0)
         names = {role: name for role, (name, _) in laws.items()}
-        text = Driver(series, pointer).expansion(names["start"], names["order"])
+        text = Driver(series).expansion(names["start"], names["order"])
         self.expand = linked([text], others=dict(laws.values()))
 
     def size(self, order: int) -> int:

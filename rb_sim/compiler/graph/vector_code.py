@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rb_sim.compiler.graph.emit import RARELY, Operations, constant
-from rb_sim.compiler.graph.machine import Law, interpreted, linked, pointer_type
+from rb_sim.compiler.graph.machine import Law, interpreted, linked
 from rb_sim.compiler.graph.symbols import INPUTS, Graph, Symbol, floor, in_order, where
 
 # Sine and cosine from arithmetic alone, for vector code.
@@ -99,19 +99,19 @@ def compile_lanes(outputs: Sequence[Any], time: int) -> Law | None:
     order = [x for x in in_order(outputs) if x.op not in INPUTS]
     if interpreted() or len(order) > MOST_OPERATIONS or any(x.op == "call" for x in order):
         return None
-    return linked([module(outputs, time, pointer_type())])
+    return linked([module(outputs, time)])
 
 
-def module(outputs: Sequence[Any], time: int, pointer: str) -> str:
+def module(outputs: Sequence[Any], time: int) -> str:
     """LLVM IR of the law in lanes."""
-    law = Vectors(pointer, time)
+    law = Vectors(time)
     for x in in_order(outputs):
         law.add(x)
     for i, x in enumerate(outputs):
         law.store(law.value(x), i)
     head = (
-        f"define void @law(double %t, {pointer} noalias readonly %y, "
-        f"{pointer} noalias readonly %p, {pointer} noalias %out) nounwind {{"
+        "define void @law(double %t, ptr noalias readonly %y, "
+        "ptr noalias readonly %p, ptr noalias %out) nounwind {"
     )
     functions = _sine_and_cosine(law.declared) if law.turns else []
     for name in sorted(law.scalar):
@@ -132,8 +132,8 @@ class Vectors(Operations):
     true = "<" + ", ".join(["i1 true"] * LANES) + ">"
     intrinsic = ("sqrt", "fabs", "floor")
 
-    def __init__(self, pointer: str, time: int) -> None:
-        super().__init__(pointer)
+    def __init__(self, time: int) -> None:
+        super().__init__()
         self.time = time
         self.pairs: dict[str, str] = {}
         self.scalar: dict[str, int] = {}
@@ -143,23 +143,18 @@ class Vectors(Operations):
         """Name of an operand, or a constant vector."""
         return self.names[x.number] if isinstance(x, Symbol) else splat(x)
 
-    def place(self, base: str, index: int) -> tuple[str, str]:
-        """(type, name) of the pointer to the vector at an index."""
-        at = self.line(f"getelementptr double, {self.pointer} {base}, i64 {LANES * index}")
-        if self.pointer == "ptr":
-            return "ptr", at
-        kind = f"{VECTOR}*"
-        return kind, self.line(f"bitcast {self.pointer} {at} to {kind}")
+    def place(self, base: str, index: int) -> str:
+        """Name of the address of the vector at an index."""
+        return self.line(f"getelementptr double, ptr {base}, i64 {LANES * index}")
 
     def load(self, base: str, index: int) -> str:
         """Load the vector at an index."""
-        kind, at = self.place(base, index)
-        return self.line(f"load {VECTOR}, {kind} {at}, align 8")
+        return self.line(f"load {VECTOR}, ptr {self.place(base, index)}, align 8")
 
     def store(self, value: str, index: int, base: str = "%out") -> None:
         """Store a vector at an index."""
-        kind, at = self.place(base, index)
-        self.lines.append(f"  store {VECTOR} {value}, {kind} {at}, align 8")
+        at = self.place(base, index)
+        self.lines.append(f"  store {VECTOR} {value}, ptr {at}, align 8")
 
     def add(self, x: Symbol) -> None:
         """Write the operation; its operands must exist."""
@@ -206,7 +201,7 @@ def _sine_and_cosine(declared: set[str]) -> list[str]:
 
     The result of a lane does not depend on the others.
     """
-    near = Vectors("", 0)
+    near = Vectors(0)
     graph = Graph()
     x = graph.input("t")
     near.names[x.number] = "%x"

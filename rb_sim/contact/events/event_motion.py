@@ -33,7 +33,6 @@ from rb_sim.contact.event_workspace import (
     LEAPS,
     Journal,
 )
-from rb_sim.contact.event_workspace import JAMS as JAMMED_NOTE
 from rb_sim.contact.events.event_steps import (
     EVENT,
     kind_of,
@@ -50,8 +49,8 @@ from rb_sim.contact.events.instant import (
     BEGIN,
     DONE,
     IMPACTS,
+    JAM,
     LEAVE,
-    NOTE,
     PASS,
     SETTLE,
     STRIKE,
@@ -60,7 +59,6 @@ from rb_sim.contact.events.instant import (
     Tasks,
     as_simulation_error,
     bring_back,
-    impulses_of_jam,
     leap,
     not_finite,
     singular_values,
@@ -97,6 +95,7 @@ from rb_sim.contact.impacts import (
     NO_IMPULSES,
     NOTHING,
     OVERFLOWN,
+    STRUCK,
     Chatter,
     forget_bounces,
 )
@@ -112,7 +111,7 @@ from rb_sim.integrate.layout import (
     WORK_ROWS,
 )
 from rb_sim.mechanics.compiled import Compiled
-from rb_sim.mechanics.contact.accelerations import SLOWER
+from rb_sim.mechanics.contact.accelerations import SLOWER, slides_with_friction
 from rb_sim.mechanics.contact.contact_bodies import (
     BILATERAL,
     CLOSED,
@@ -136,7 +135,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     TOUCH_DOWN,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING, STUCK
+from rb_sim.mechanics.contact.contact_kinematics import STUCK
 from rb_sim.mechanics.contact.contact_laws import ContactLaws
 from rb_sim.mechanics.error_scales import OF_SYMMETRIC, spin_lengths
 from rb_sim.mechanics.samples import Array, ContactEvent
@@ -388,15 +387,10 @@ class ContactMotion(GridMotion):
         table, text = self.system.contact_table, super()._explain(status)
         if status == STEP_UNDERFLOW and (table[:, COMPLIANT] == 0.0).any():
             return f"{text}; {TOOL}"
-        slides_with_friction = (
-            (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
-        )
-        if status != NOT_FINITE or not self._stepping.setting[4] or not slides_with_friction.any():
+        names = [name for c, name in enumerate(self.names) if slides_with_friction(table, c)]
+        if status != NOT_FINITE or not self._stepping.setting[4] or not names:
             return text
-        names = ", ".join(
-            name for name, rub in zip(self.names, slides_with_friction, strict=True) if rub
-        )
-        return f"{text}: its iteration may fail at slow slips with friction ({names})"
+        return f"{text}: its iteration may fail at slow slips with friction ({', '.join(names)})"
 
     def _record(self, times: Array, stop: float, out: Array | None) -> None:
         with as_simulation_error(self._laws_now):
@@ -629,13 +623,11 @@ class ContactMotion(GridMotion):
         for i in range(len(self.laws)) if c is None else (c,):
             table = self.system.contact_table
             if table[i, CLOSED] and instant.effective_pivot(i) < NEAR_JAM:
-                x = impulses_of_jam(instant, i)
-                if x is None:
-                    break
-                instant.apply(x)
-                self._call(NOTE, instant.t, instant.y, (JAMMED_NOTE, 0, 0))
+                status = self._call(JAM, instant.t, instant.y, (i, 0, 0))
                 self._journal.take(instant.workspace)
-                return
+                if status == STRUCK:
+                    return
+                break
         rough = [i for i in instant.touching() if math.isinf(self.laws[i].static)]
         if c is None and rough:
             refuse_rough(instant, rough[0], self.names)

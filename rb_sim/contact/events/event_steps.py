@@ -22,17 +22,7 @@ from rb_sim.catalogue.geometry.pairs import Shaken, Turntable, carrier, touching
 from rb_sim.catalogue.spec import WORLD
 from rb_sim.compiler.builder import PackedSystem, Value
 from rb_sim.compiler.calls import means
-from rb_sim.contact.events.grid import (
-    Grid,
-    Stepping,
-    advance_grid,
-    before_stop,
-    branch,
-    copy,
-    finite,
-    is_implicit,
-    state_at,
-)
+from rb_sim.contact.events.grid import Grid, Stepping, advance_grid, before_stop, branch, state_at
 from rb_sim.contact.events.search import (
     GRADE,
     begin_step,
@@ -41,6 +31,7 @@ from rb_sim.contact.events.search import (
     next_event,
     note_rounded_leans,
 )
+from rb_sim.contact.problem import copy, finite
 from rb_sim.integrate.layout import (
     FINE,
     NOT_FINITE,
@@ -430,7 +421,7 @@ def record_contacts(method, packed, grid, times, stop, sampling, out, work, code
                 break
             last = min(before_jam(system, grid), before_swing(method, system, grid.t0, grid.t1))
             if status == FINE:
-                last = min(last, before_stop(method, system, grid, is_implicit(work)))
+                last = min(last, before_stop(method, system, grid))
             if last < grid.t1:
                 y, c = np.empty_like(grid.y1), np.empty_like(grid.c1)
                 branch(method, system, grid, last, work, y, c)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.contact.grid_motion import Grid
+from rb_sim.contact.problem import copy, finite
 from rb_sim.integrate.attempt import root
 from rb_sim.integrate.layout import DY, FINE, NOT_FINITE, STEP_UNDERFLOW, ULPS, address
 from rb_sim.integrate.loop import next_length
@@ -80,19 +81,8 @@ FAINT = 10.0 * NUDGE * SHARP
 """Rate of slowing down that may be only the error of a numerical derivative."""
 TURNS = 1.5
 """Longest step relative to |s| / a: an explicit method of order 4 is stable up to 2.8."""
-CALM = 5.0
-"""The same for an adaptive method of order 8, which is stable up to 6; a is overestimated by a
-factor of one to four. Near the bound of stability an error e of the slip turns it by e / |s|, which
-delays its end by about a (e / |s|)^2 / 2."""
-FAST = 30.0
-"""Slip relative to `velocity_tolerance` above which errors turn it too little to delay its end."""
-SLOWEST = 1e4
-"""Largest ratio of a to the rate at which a slip slows down for which steps are limited by CALM;
-above it there would be too many steps."""
 SLOW = 1e-3
 """Smallest slip, relative to a h, for which steps are shortened if it does not slow down."""
-ASIDE = 1e-2
-"""Sine of the angle by which a slip must turn in a step to delay its end."""
 STRAIGHT = 1e-6
 """Sine of the angle up to which a slip that turns in a step counts as straight."""
 
@@ -129,14 +119,14 @@ def own_rate(system, y, c, i):
     return table[c, ROLLING_ARM] * normal_force * (turns_B + turns_A) / natural_turning(system)
 
 
-def was_turned(system, c, i, sine):
-    """Whether the last step has turned the slip or rolling of contact c by more than this angle."""
+def was_turned(system, c, i):
+    """Whether the last step has turned the slip or rolling of contact c."""
     table = system.contact_table
     if i == AT_SLIP:
         now, before = vec(table, c, SLIP), vec(table, c, SLIP_DIRECTION)
     else:
         now, before = rolling(table, c), vec(table, c, ROLL_DIRECTION)
-    return dot(now, before) < (1.0 - 0.5 * sine * sine) * norm(now) * norm(before)
+    return dot(now, before) < (1.0 - 0.5 * STRAIGHT * STRAIGHT) * norm(now) * norm(before)
 
 
 def longest_step(system, y, c, i, mode, h):
@@ -148,7 +138,7 @@ def longest_step(system, y, c, i, mode, h):
         return min(left, h)
     own = own_rate(system, y, c, i)
     turned = TURNS * level / own if own > 0.0 else h
-    aside = was_turned(system, c, i, STRAIGHT)
+    aside = was_turned(system, c, i)
     if left < FREE:
         least = LEAST_TURNED if aside else LEAST_PART
         return min(max(turned, least * left), STOP_PART * left)
@@ -161,37 +151,9 @@ def is_followed(method):
     return method.setting[1] == 0.0 and method.setting[4] == 0.0
 
 
-def before_noise(method, system, grid, implicit):
-    """Latest end of the last step of an adaptive method, so that errors do not delay the end of a
-    slip that is little faster than they are."""
-    last = grid.t1
-    if method.setting[4] != 0.0 or implicit:
-        return last
-    table, velocity_tolerance = (
-        system.contact_table,
-        SHARP * system.velocity_tolerance / system.speed,
-    )
-    for c in range(table.shape[0]):
-        level = table[c, EVENT_FUNCTIONS_BEFORE + AT_SLIP]
-        slides = table[c, CLOSED] == 1.0 and table[c, SLIDE] == SLIDING
-        if (
-            slides
-            and velocity_tolerance < level <= FAST * velocity_tolerance
-            and was_turned(system, c, AT_SLIP, ASIDE)
-        ):
-            own = own_rate(system, grid.y0, c, AT_SLIP)
-            if -table[c, EVENT_RATES_BEFORE + AT_SLIP] * SLOWEST > own > 0.0:
-                last = min(last, grid.t0 + CALM * level / own)
-    return last
-
-
-def before_stop(method, system, grid, implicit):
-    """Latest end of the last step, for slow slips and rolling.
-
-    implicit: whether it was an implicit step of an otherwise explicit method."""
+def before_stop(method, system, grid):
+    """Latest end of the last step, for slow slips and rolling."""
     last, h = grid.t1, method.setting[0]
-    if method.setting[1] != 0.0:
-        return before_noise(method, system, grid, implicit)
     if not is_followed(method):
         return last
     for c in range(system.contact_table.shape[0]):
@@ -250,17 +212,6 @@ def note_stiffness(system, y):
             table[c, STIFF] = rate if lasts else 0.0
 
 
-def shortened(system, tried):
-    """(whether a step of this length is implicit, its length); it ends before slips do."""
-    table, rate, soon = system.contact_table, 0.0, FREE
-    for c in range(table.shape[0]):
-        rate = max(rate, table[c, STIFF])
-        soon = min(soon, time_to_stop(table, c, AT_SLIP, SLIDE))
-    if rate * tried > LONG:
-        tried = min(tried, STOP_PART * soon)
-    return rate * tried > LONG, tried
-
-
 PARTS = 64
 """Maximum number of equal steps for a state inside a step, if one step finds none."""
 
@@ -279,33 +230,22 @@ class Stepping(NamedTuple):
     """address of the rate's Jacobian, or the function."""
 
 
-def copy(to, of):
-    """Copy `of` to `to`; returns `to`."""
-    for i in range(of.shape[0]):
-        to[i] = of[i]
-    return to
-
-
-def finite(y):
-    """Whether no coordinate is NaN or infinite."""
-    total = 0.0
-    for i in range(y.shape[0]):
-        total += y[i]
-    return total - total == 0.0
-
-
 def is_implicit(work):
     """Whether the present step is an implicit one for stiff slips, by the last row of `work`."""
     return work[work.shape[0] - 1, 0] == 1.0
 
 
 def choose_step(method, system, t0, t, h, work):
-    """(length, end) of a step from t0 to t of length h: an implicit one, which may be shorter, if
-    slow slips are stiff."""
-    due, tried = False, h
+    """(length, end) of a step from t0 to t of length h: an implicit one if slow slips are stiff,
+    which ends before they do."""
+    table, rate, soon, tried = system.contact_table, 0.0, FREE, h
     if method.implicit:
-        due, tried = shortened(system, h)
-    work[work.shape[0] - 1, 0] = 1.0 if due else 0.0
+        for c in range(table.shape[0]):
+            rate = max(rate, table[c, STIFF])
+            soon = min(soon, time_to_stop(table, c, AT_SLIP, SLIDE))
+    if rate * tried > LONG:
+        tried = min(tried, STOP_PART * soon)
+    work[work.shape[0] - 1, 0] = 1.0 if rate * tried > LONG else 0.0
     return tried, t if tried == h else t0 + tried
 
 
@@ -318,36 +258,22 @@ def length_of_next(method, h, error, work):
     return next_length((s[0], s[1], s[2], order), h, error)
 
 
-def increment(method, system, t, y, h, work):
-    """Write dy over a step of length h from (t, y) into its row of `work`; returns the error
-    estimate for the tolerance 1."""
-    n, workspace = y.shape[0], pointer(work)
-    if is_implicit(work):
-        return call_step(
-            method.implicit, method.rate, method.jacobian, n, t, pointer(y), h, address(system),
-            part(workspace, DY * n), workspace,
-        )  # fmt: skip
-    return call_step(
-        method.step,
-        method.rate,
-        0,
-        n,
-        t,
-        pointer(y),
-        h,
-        address(system),
-        part(workspace, DY * n),
-        workspace,
-    )
-
-
 def attempt(method, system, t, y, h, work):
-    """As `increment`, with the error in units of the tolerance; 0 for a fixed step."""
-    error = increment(method, system, t, y, h, work)
-    tolerance = method.setting[1]
+    """Write dy over a step of length h from (t, y) into its row of `work`; returns the error
+    estimate in units of the tolerance, 0 for a fixed step."""
+    n, workspace, tolerance = y.shape[0], pointer(work), method.setting[1]
     if is_implicit(work):
         # Stages are solved to a tenth of it (SLIPS_STALLED): below, the estimate is rounding.
         tolerance = max(tolerance, COMPUTED_ROUNDING)
+        error = call_step(
+            method.implicit, method.rate, method.jacobian, n, t, pointer(y), h, address(system),
+            part(workspace, DY * n), workspace,
+        )  # fmt: skip
+    else:
+        error = call_step(
+            method.step, method.rate, 0, n, t, pointer(y), h, address(system),
+            part(workspace, DY * n), workspace,
+        )  # fmt: skip
     return error / tolerance if tolerance > 0.0 else 0.0
 
 

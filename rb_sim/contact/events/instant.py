@@ -56,7 +56,7 @@ from rb_sim.contact.impacts import (
     AT_ONCE,
     NOTHING,
     STRUCK,
-    apply_impulses,
+    stop_jam,
     strike,
     strike_in_rounds,
     time_of_flights,
@@ -67,11 +67,9 @@ from rb_sim.mechanics.contact.accelerations import contact_accelerations, power_
 from rb_sim.mechanics.contact.contact_bodies import (
     CLOSED,
     GAP,
-    NEAR_JAM,
-    NORMAL,
+    PIVOT,
     ROLL,
     SLIDE,
-    SLIP,
     SPIN,
     TOUCH_DOWN,
     ContactBodies,
@@ -82,8 +80,7 @@ from rb_sim.mechanics.system import project
 from rb_sim.mechanics.systems.many_bodies import MULTIPLIERS, WIDTH
 from rb_sim.mechanics.systems.multibody import write_rows
 from rb_sim.numerics.kernels import for_python, pointer_to, view, where
-from rb_sim.numerics.rank import LEAST_SINGULAR, RANK_TOLERANCE
-from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate
+from rb_sim.numerics.vectors import norm, quaternion_rate
 
 # Tasks: compiled functions that are called between calls of the loop, compiled once for all scenes.
 #
@@ -92,14 +89,14 @@ from rb_sim.numerics.vectors import norm, perpendicular, quaternion_rate
 
 
 (
-    WRITE, WRITE_ROWS, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, APPLY, NOTE, CHOOSE,
-    LEAVE, PASS, OVER,
-) = range(14)  # fmt: skip
+    WRITE, WRITE_ROWS, ACCELERATE, SETTLE, BEGIN, ARRIVE, IMPACTS, STRIKE, JAM, CHOOSE, LEAVE, PASS,
+    OVER,
+) = range(13)  # fmt: skip
 """Tasks: write the rows of closed contacts, or all rows; compute multipliers and accelerations;
 project y onto the manifold; begin a step; arrive at an event (store the modes before it, write all
-rows); rounds of impacts, or one impact; add the impulses of the workspace, or note them; choose the
-modes; leave an event (note the changes, compute the time within which flights end); pass an event
-as a whole, if only the laws decide; impulses over a short time."""
+rows); rounds of impacts, or one impact; stop the slip of a contact that jams; choose the modes;
+leave an event (note the changes, compute the time within which flights end); pass an event as a
+whole, if only the laws decide; impulses over a short time."""
 DONE, AT_IMPACTS, AT_MODES = range(3)
 """Result of PASS: done, or stopped before impacts or modes that the laws alone do not decide."""
 
@@ -163,10 +160,8 @@ def do_task(places):
         status = strike(system, workspace, t, y, False)
         if status == STRUCK:
             note_impulses(system, workspace, t, IMPACT)
-    elif task == APPLY:
-        apply_impulses(system, workspace, t, y, workspace.impulses)
-    elif task == NOTE:
-        note_impulses(system, workspace, t, first)
+    elif task == JAM:
+        status = stop_jam(system, workspace, t, y, first)
     elif task == CHOOSE:
         status = choose(system, workspace, t, y, (first, second))
         numbers[MORE] = 1.0 if status == 0 and may_share(system, workspace) else 0.0
@@ -264,14 +259,6 @@ def eigenvalues(A: Array, of: str) -> tuple[Array, Array]:
     return values, vectors
 
 
-def pseudo_inverse(A: Array, of: str) -> Array:
-    """A^+ by the rank rule (see `rb_sim.numerics.rank`); errors as `singular_values`."""
-    require_finite(of, A)
-    with as_simulation_error(lambda: of):
-        inverse = np.linalg.pinv(A, rcond=LEAST_SINGULAR)
-    return np.asarray(inverse, dtype=float)
-
-
 def require_finite(of: str, *arrays: Array) -> None:
     """Raise SimulationError unless all entries are finite."""
     for array in arrays:
@@ -345,85 +332,18 @@ class Instant:
         """Slip speed of contact c [m/s]."""
         return float(slip_speed(self.system, c))
 
-    def apply(self, x: Array) -> None:
-        """Add the impulses x to the velocities, and their work to that of the contacts."""
-        self.workspace.impulses[:] = x
-        self.call(APPLY, self.t, self.y)
-
-    def taken_by_joints(self, rows: Array) -> Array:
-        """Negative impulses of the joints' rows per unit impulse along each of `rows`, (joint rows,
-        rows)."""
-        held = self.rows[: self.first[0]]
-        if not len(held):
-            return np.zeros((0, len(rows)))
-        A = held @ self.inverse_mass @ held.T
-        of = f"the joint impulses at t = {self.t:.9g} s"
-        return pseudo_inverse(A, of) @ held @ self.inverse_mass @ rows.T
-
-    def pivot_of(self, rows: Array, directions: Array) -> Array:
-        """Velocities along `rows` per unit impulse along `directions`, with the joints."""
-        held = self.rows[: self.first[0]]
-        return rows @ self.inverse_mass @ (directions.T - held.T @ self.taken_by_joints(directions))
-
     def effective_pivot(self, c: int) -> float:
         """n . M^-1 (n + T/N) relative to n . M^-1 n, with the joints, at the slip of contact c."""
-        speed, law = self.slip_speed(c), self.laws[c]
-        if speed <= self.velocity_tolerance or not 0.0 < law.kinetic < np.inf:
+        if self.slip_speed(c) <= self.velocity_tolerance or math.isinf(self.laws[c].kinetic):
             return 1.0
-        k = self.first[c]
-        J = self.rows
-        n = self.system.contact_table[c, NORMAL : NORMAL + 3]
-        t1, t2 = frame(n)
-        d = self.system.contact_table[c, SLIP : SLIP + 3] / speed
-        direction = J[k] - law.kinetic * (float(d @ t1) * J[k + 1] + float(d @ t2) * J[k + 2])
-        alone = float(J[k] @ self.inverse_mass @ J[k])
-        ideal, effective = self.pivot_of(J[[k]], np.array([J[k], direction]))[0]
-        return float(effective / ideal) if ideal > RANK_TOLERANCE * alone else 1.0
-
-
-def frame(n: Array) -> tuple[Array, Array]:
-    """The tangents t1 and t2 of the rows of a contact."""
-    t1, t2 = perpendicular(tuple(float(x) for x in n))
-    return np.array(t1), np.array(t2)
-
-
-# Impacts without collision: they stop a slip that jams (Painleve's paradox).
-#
-# Normal impulse and friction drive the contact into the support until the slip stops; then it
-# sticks and returns to zero normal velocity (Genot and Brogliato 1999). However it slips meanwhile,
-# the total impulse is the one after which its velocity is zero, within the friction bound as all
-# its parts are. Restitution adds e times the normal impulse (Poisson).
-
-
-def stopping_impulse(A: Array, v: Array, friction: float, restitution: float) -> Array | None:
-    """Impulse (n, t1, t2) of a contact with velocities v = (v_n, s) and A = J M^-1 J^T, (3, 3).
-
-    None if friction within its bound, to NEAR_JAM of it, cannot stop the slip.
-    """
-    of = "the impulses of a jammed contact"
-    x = -pseudo_inverse(A, of) @ v
-    if not (1.0 - NEAR_JAM) * np.linalg.norm(x[1:]) <= friction * x[0]:
-        return None
-    back = -pseudo_inverse(A[1:, 1:], of) @ A[1:, 0]
-    back *= min(1.0, friction / max(float(np.linalg.norm(back)), 1e-300))
-    return x + restitution * x[0] * np.array([1.0, *back])
-
-
-def impulses_of_jam(at: Instant, c: int) -> Array | None:
-    """Impulses of all rows that stop the slip of contact c, with the joints; None if impossible."""
-    k, joints = at.first[c], at.first[0]
-    J = at.rows
-    own = J[k : k + 3]
-    A = at.pivot_of(own, own)
-    v = own @ velocities(at.system, at.y).reshape(-1)
-    v = v - at.workspace.row_rate[k : k + 3]
-    law = at.laws[c]
-    x = stopping_impulse(A, v, law.kinetic, law.restitution)
-    if x is None:
-        return None
-    out = np.zeros(len(J))
-    out[k : k + 3], out[:joints] = x, -at.taken_by_joints(own) @ x
-    return out
+        table = self.system.contact_table
+        kept = table.copy()
+        table[c, CLOSED], table[c, SLIDE] = 1.0, SLIDING
+        self.call(ACCELERATE, self.t, self.y)
+        pivot = float(table[c, PIVOT])
+        table[:] = kept
+        self.refresh()
+        return pivot
 
 
 # Leaps: short steps by impulses where the laws between forces and accelerations have no solution.
@@ -453,9 +373,15 @@ def leap(at: Instant, duration: float) -> float | None:
     at.workspace.taking_part[:] = 0
     at.workspace.taking_part[touching], at.workspace.taking_part[pressed] = CANDIDATE, PRESSED
     at.workspace.moved[:] = 0
+    slow = spin_tolerance_of(at.system)
     for c in (*touching, *pressed):
-        at.workspace.moved[c] = what_moves(at, c)
-        rest_if_it_may(at, c)
+        law, (across, about) = at.laws[c], turning(at.system, c)
+        moves = at.slip_speed(c) > at.velocity_tolerance, norm(across) > slow, abs(about) > slow
+        at.workspace.moved[c] = moves
+        # what has friction at rest is stuck
+        table[c, CLOSED], table[c, SLIDE] = 1.0, STUCK if law.static > 0.0 else SLIDING
+        table[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
+        table[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
     at.refresh()
     if at.call.over(at.t, at.y, duration) != SOLVED:
         return None
@@ -481,22 +407,6 @@ def leap(at: Instant, duration: float) -> float | None:
         if impulses[at.first[c]] == 0.0:
             table[c, [CLOSED, SLIDE, ROLL, SPIN]] = NONE
     return duration
-
-
-def what_moves(at: Instant, c: int) -> tuple[bool, bool, bool]:
-    """Whether contact c slips, rolls and spins."""
-    across, about = turning(at.system, c)
-    slow = spin_tolerance_of(at.system)
-    return at.slip_speed(c) > at.velocity_tolerance, norm(across) > slow, abs(about) > slow
-
-
-def rest_if_it_may(at: Instant, c: int) -> None:
-    """Close contact c, sticking in each kind of motion for which its law has static friction."""
-    table, law = at.system.contact_table, at.laws[c]
-    table[c, CLOSED] = 1.0
-    table[c, SLIDE] = STUCK if law.static > 0.0 else SLIDING
-    table[c, ROLL] = STUCK if law.rolling_arm > 0.0 else NONE
-    table[c, SPIN] = STUCK if law.spinning_arm > 0.0 else NONE
 
 
 def bring_back(at: Instant) -> None:

@@ -20,7 +20,8 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING
 from rb_sim.catalogue.geometry.corners_and_rims import IN_FLIGHT
-from rb_sim.contact.events.grid import Grid, branch, copy, note_stiffness, reach, stop_that_is_due
+from rb_sim.contact.events.grid import Grid, branch, note_stiffness, reach, stop_that_is_due
+from rb_sim.contact.problem import copy
 from rb_sim.integrate.quadrature import cubic_at, cubic_minimum, cubic_range, tangents_meet
 from rb_sim.mechanics.contact import motion_kernels as _registers_its_kernels  # noqa: F401
 from rb_sim.mechanics.contact.accelerations import (

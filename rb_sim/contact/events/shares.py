@@ -33,17 +33,13 @@ from rb_sim.contact.events.search import LAG, LAG_TIME, ROUNDED, ROUNDED_TIME
 from rb_sim.contact.grid_motion import OPEN_SHARES, LeftOpen
 from rb_sim.contact.modes import JAMMED_ONES, TOO_LARGE, lay_out_held
 from rb_sim.mechanics.compiled import Compiled
-from rb_sim.mechanics.contact.accelerations import OF_JOINTS
+from rb_sim.mechanics.contact.accelerations import OF_JOINTS, slides_with_friction
 from rb_sim.mechanics.contact.contact_bodies import (
-    CLOSED,
     JAMMED,
     NORMAL_SIGN,
     SHARES,
-    SLIDE,
     SPRING,
-    STATIC,
 )
-from rb_sim.mechanics.contact.contact_kinematics import SLIDING
 from rb_sim.mechanics.samples import Array
 from rb_sim.numerics.complementarity import EQUALITY, UNILATERAL
 from rb_sim.numerics.rank import JUDGED_BY_CONTACT, solved, split
@@ -112,13 +108,11 @@ def open_in(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> float:
 def note_shares(at: Instant, reactions: Reactions, cones: Cones, y: Array) -> None:
     """Store the non-uniqueness of the motion with the shares y, if it is the largest of the run."""
     table = at.system.contact_table
-    slides_with_friction = (
-        (table[:, CLOSED] == 1.0) & (table[:, SLIDE] == SLIDING) & (table[:, STATIC] > 0.0)
-    )
-    if slides_with_friction.any():
+    sliding = [c for c in range(len(table)) if slides_with_friction(table, c)]
+    if sliding:
         figure = open_in(at, reactions, cones, y)
         if figure > at.workspace.undetermined[4]:
-            at.workspace.undetermined[4:7] = figure, at.t, int(np.argmax(slides_with_friction))
+            at.workspace.undetermined[4:7] = figure, at.t, sliding[0]
 
 
 def widest_of(workspace: Workspace, names: Sequence[str]) -> LeftOpen:

@@ -248,15 +248,6 @@ def takes_part(spots, laws, u, y, c, b, a, h, slow):
     return gap + h * min(rate, before) <= h * (speed * 1e-3 + slow)
 
 
-def rates_of(rows, targets, u, k, b, a):
-    """Rates of rows k to k + 2 at the velocities u, minus their targets."""
-    return (
-        rate_of(rows, k, u, b, a) - targets[k],
-        rate_of(rows, k + 1, u, b, a) - targets[k + 1],
-        rate_of(rows, k + 2, u, b, a) - targets[k + 2],
-    )
-
-
 def gather(tables, memory, workspace, y, h):
     """Write rows, laws and initial impulses of the active points; returns their number."""
     found, notes = 0, workspace.notes
@@ -284,7 +275,11 @@ def gather(tables, memory, workspace, y, h):
         i, k = found, CONTACT_ROWS * found
         active[i], ends[i, 0], ends[i, 1] = c, b, a
         write_all_rows(spots, laws, bodies, rows, targets, y, i, c, b, a)
-        rates = rates_of(rows, targets, turning, k, b, a)
+        rates = (
+            rate_of(rows, k, turning, b, a) - targets[k],
+            rate_of(rows, k + 1, turning, b, a) - targets[k + 1],
+            rate_of(rows, k + 2, turning, b, a) - targets[k + 2],
+        )
         find_bend(memory, laws, bends, spots, y, i, c, b, rates, ratio, h)
         found += 1
     straighten_crowds(laws, bends, active, ends, workspace.held, found)

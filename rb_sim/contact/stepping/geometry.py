@@ -51,7 +51,7 @@ from rb_sim.mechanics.contact.contact_bodies import (
     STATIC,
     keep,
 )
-from rb_sim.mechanics.contact.contact_kinematics import STUCK, velocity_at
+from rb_sim.mechanics.contact.contact_kinematics import STUCK
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 from rb_sim.mechanics.systems.many_bodies import state_of, vec
 from rb_sim.numerics.kernels import call_law, part, pointer
@@ -270,16 +270,3 @@ def note_middle(memory, spots, rows, u, c, k, t1, t2, b, a):
     s1 = rate_of(rows, k + 1, u, b, a) - dot(t1, moved)
     s2 = rate_of(rows, k + 2, u, b, a) - dot(t2, moved)
     keep(memory, c, THEN + 1, add(scale(s1, t1), scale(s2, t2)))
-
-
-def note_ends(tables, memory, workspace, y):
-    """Store the relative velocities of closed contacts at the end of the step."""
-    for c in range(memory.shape[0]):
-        if memory[c, CLOSED] == 0.0 or not workspace.spots[c, GAP] < 1e299:
-            continue
-        B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
-        n, p = vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, POINT)
-        v = sub(velocity_at(B, sub(p, B.p_WC)), velocity_at(A, sub(p, A.p_WC)))
-        v = sub(v, vec(workspace.spots, c, MOVES))
-        memory[c, ENDS] = dot(n, v)
-        keep(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))

@@ -153,33 +153,26 @@ def quieten(tables, workspace, n, h):
                 keep(u, i, 3 * part, (0.0, 0.0, 0.0))
 
 
-def work_done(workspace, n):
-    """Work of the contacts on the bodies [J]: impulse times mean velocity, which together with the
-    work of the loads is exactly the change of kinetic energy."""
-    before, after, work = workspace.turning, workspace.u, 0.0
-    for k in range(CONTACT_ROWS * n):
-        if workspace.x[k] != 0.0:
-            b, a = workspace.ends[k // CONTACT_ROWS, 0], workspace.ends[k // CONTACT_ROWS, 1]
-            work += workspace.x[k] * mean_rate(workspace.rows, k, before, after, b, a)
-    return work
+def works(laws, workspace, n):
+    """(work of the contacts on the bodies [J], energy gained in rigid contacts [J]).
 
-
-def gained_by(laws, workspace, n):
-    """Energy gained in rigid contacts in the step [J]: impulse times mean velocity relative to the
-    support; by their laws it is not positive."""
-    made = 0.0
+    Impulse times mean velocity, which together with the work of the loads is exactly the change of
+    kinetic energy; and impulse times mean velocity relative to the support, which by the laws of
+    rigid contacts is not positive.
+    """
+    work, gained = 0.0, 0.0
     for i in range(n):
         c, b, a = workspace.active[i], workspace.ends[i, 0], workspace.ends[i, 1]
-        if laws[c, COMPLIANT] == 1.0:
-            continue
         moves = vec(workspace.spots, c, MOVES)
         for j in range(CONTACT_ROWS):
             k = CONTACT_ROWS * i + j
             if workspace.x[k] != 0.0:
                 mean = mean_rate(workspace.rows, k, workspace.turning, workspace.u, b, a)
+                work += workspace.x[k] * mean
                 support = dot(vec(workspace.rows, k, 0), moves) if j < 3 else workspace.targets[k]
-                made += workspace.x[k] * (mean - support)
-    return made
+                if laws[c, COMPLIANT] == 0.0:
+                    gained += workspace.x[k] * (mean - support)
+    return work, gained
 
 
 def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
@@ -192,13 +185,6 @@ def is_paradox(blocks, rows, targets, bends, y, i, b, a, mu, slow):
     slip = math.sqrt(s1 * s1 + s2 * s2)
     lifts = w[i, 0] * slip - mu * (w[i, 1] * s1 + w[i, 2] * s2)
     return slip > slow and lifts < 0.0
-
-
-def slips_though_rough(laws, x, k, c):
-    """Whether a perfectly rough contact slips, with its friction at the solver's bound: more
-    friction would lift the contact."""
-    across = math.sqrt(x[k + 1] * x[k + 1] + x[k + 2] * x[k + 2])
-    return laws[c, STATIC] >= PERFECTLY_ROUGH and across > AT_BOUND * ROUGH * abs(x[k])
 
 
 def keep_impulses(tables, memory, workspace, y, n, h):
@@ -227,12 +213,12 @@ def keep_impulses(tables, memory, workspace, y, n, h):
             and is_paradox(blocks, rows, targets, workspace.bends, y, i, b, a, mu, slow)
         ):
             several = 1.0
-        if slips_though_rough(laws, x, k, c):
-            rough = 1.0
         normal = vec(spots, c, NORMAL)
         keep(memory, c, ANCHOR, vec(spots, c, POINT))
         t1, t2 = perpendicular(normal)
         across = add(scale(x[k + 1], t1), scale(x[k + 2], t2))
+        if laws[c, STATIC] >= PERFECTLY_ROUGH and norm(across) > AT_BOUND * ROUGH * abs(x[k]):
+            rough = 1.0  # friction is at the solver's bound: more would lift the contact
         keep(memory, c, IMPULSE, add(scale(x[k], normal), across))
         keep(memory, c, AIM, scale(x[k] * rows[k, LIGHT_B], normal))
         turning = add(scale(x[k + 3], t1), scale(x[k + 4], t2))
@@ -312,11 +298,6 @@ def made_in(workspace, y, i, c):
     return across, along, workspace.x[k] * rebound
 
 
-def creates(across, along, taken):
-    """Whether the work of friction is positive and more than the normal impulse dissipates."""
-    return across > 0.0 and across + along > GAINS * taken
-
-
 def add_to(total, body, made, taken):
     """Add the energies of one point to those of a body; -1: the world."""
     if body >= 0:
@@ -352,7 +333,9 @@ def take_gains(tables, workspace, y, n, restitution):
         c, k = workspace.active[i], CONTACT_ROWS * i
         restitution[i] = 0.0
         across, along, taken = made_in(workspace, y, i, c)
-        if bounces(tables, c) and creates(across, along, taken) and gains(total, workspace, i):
+        # friction does work, and more than the normal impulse dissipates
+        creates = across > 0.0 and across + along > GAINS * taken
+        if bounces(tables, c) and creates and gains(total, workspace, i):
             if workspace.rules[i, LEAST] > 0.0:
                 workspace.rules[i, LEAST] = 0.0
             else:
@@ -363,8 +346,8 @@ def take_gains(tables, workspace, y, n, restitution):
 
 
 def fastest_of(tables, y):
-    """Upper bound of the speed of all surfaces [m/s], at least the scene's speed."""
-    fastest = tables.scales[1]
+    """Upper bound of the speed of all surfaces [m/s]."""
+    fastest = 0.0
     for i in range(tables.bodies.shape[0]):
         B = state_of(y, i)
         fastest = max(fastest, norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B))
@@ -412,15 +395,6 @@ def drift(tables, y, h):
         move(y, i, (y[k + 7], y[k + 8], y[k + 9]), (y[k + 10], y[k + 11], y[k + 12]), h)
 
 
-def load_gravity(tables):
-    """Set the loads to those of uniform gravity."""
-    b = tables.bodies
-    for i in range(b.shape[0]):
-        for j in range(3):
-            b[i, LOAD + j] = b[i, MASS] * tables.gravity[i, j]
-            b[i, LOAD + 3 + j] = 0.0
-
-
 def free_velocities(tables, workspace, y, h):
     """Write the velocities at the middle of a step without reactions to workspace.u: with all loads
     over h, and half of the gyroscopic torque; the other half acts after the reactions."""
@@ -435,16 +409,6 @@ def free_velocities(tables, workspace, y, h):
             workspace.turning[i, j], workspace.turning[i, 3 + j] = y[k + 7 + j], w[j]
             u[i, j] = y[k + 7 + j] + h * b[i, LOAD + j] / b[i, MASS]
             u[i, 3 + j] = w[j] + h * gained[j]
-
-
-def is_quiet(tables, y):
-    """Whether all bodies are slower than QUIET."""
-    for i in range(tables.bodies.shape[0]):
-        B = state_of(y, i)
-        speed = norm(B.v_WC) + tables.scales[0] * norm(B.w_WB_B)
-        if speed > QUIET * tables.scales[1]:
-            return False
-    return True
 
 
 def solve_impulses(tables, workspace, graph, x, y):
@@ -477,7 +441,8 @@ def of_heap(tables, workspace, graph, x, y, rest, made):
     u, joints, length, notes = workspace.u, workspace.joint_x, tables.scales[0], workspace.notes
     if not rest > COMPUTED_ROUNDING:
         return rest, made
-    if notes[FRESH] == 1.0 or (is_quiet(tables, y) and notes[STEPS] >= notes[NEXT]):
+    quiet = fastest_of(tables, y) <= QUIET * tables.scales[1]
+    if notes[FRESH] == 1.0 or (quiet and notes[STEPS] >= notes[NEXT]):
         sweeps = FIRST_SWEEPS if notes[FRESH] == 1.0 else SWEEPS
         n = graph.ends.shape[0]
         rest, more = solve_exactly(
@@ -554,8 +519,8 @@ def solve_step(tables, memory, workspace, y, h):
     rest, made = solve_without_gain(tables, workspace, graph, x, y)
     quieten(tables, workspace, n, h)
     notes = workspace.notes
-    notes[WORK], notes[ACTIVE] = work_done(workspace, n), n
-    notes[GAINED] = gained_by(tables.laws, workspace, n)
+    notes[WORK], notes[GAINED] = works(tables.laws, workspace, n)
+    notes[ACTIVE] = n
     notes[RESIDUAL], notes[SWEPT] = rest, made
     notes[STEPS], notes[ALL_SWEEPS] = notes[STEPS] + 1.0, notes[ALL_SWEEPS] + made
     notes[WORST] = max(notes[WORST], rest)

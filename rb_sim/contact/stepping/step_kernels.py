@@ -17,9 +17,9 @@ import numpy as np
 
 from rb_sim.base.rounding import COMPUTED_ROUNDING, SOLVED
 from rb_sim.catalogue.spec import BodyState
-from rb_sim.contact.problem import CONTACT_ROWS, add_impulse, coupled, rate_of
+from rb_sim.contact.problem import CONTACT_ROWS, add_impulse, coupled, finite, rate_of
 from rb_sim.contact.stepping.constraint_rows import write_row
-from rb_sim.contact.stepping.geometry import FAR, find_spots, had_impulse, note_ends, spot_at
+from rb_sim.contact.stepping.geometry import FAR, find_spots, spot_at
 from rb_sim.contact.stepping.scene_tables import (
     ARM,
     BODY,
@@ -37,7 +37,6 @@ from rb_sim.contact.stepping.step import (
     after_turn,
     drift,
     fastest_of,
-    load_gravity,
     move,
     solve_step,
 )
@@ -48,6 +47,7 @@ from rb_sim.contact.stepping.step_workspace import (
     ASTRAY_AT,
     ASTRAY_OF,
     CLOSED,
+    ENDS,
     GAINED,
     GAP,
     IMPULSE,
@@ -240,7 +240,7 @@ def book_lift(tables, memory, workspace, y):
     the contacts that connect them to the world have room; the impulse is added to those of these
     contacts, so that impulses still equal the change of momentum. The rest is work of the contacts
     (last entry of y), and counts as energy made by them unless a driven support lifts the body.
-    Call before `note_aims`.
+    Call before `note_ends`.
     """
     n, before, made = tables.bodies.shape[0], workspace.before, workspace.notes[GAINED]
     carried, links, known = np.zeros(n), np.empty(n, np.int64), False
@@ -354,7 +354,7 @@ def find_meetings(tables, workspace, y, h, number):
 
     number: of the part; all pairs count as fast after the first one."""
     sizes, entries, laws = tables.sizes, tables.entries, tables.laws
-    first, far = PASSES, FAR_ENOUGH * h * fastest_of(tables, y)
+    first, far = PASSES, FAR_ENOUGH * h * max(fastest_of(tables, y), tables.scales[1])
     for e in range(entries.shape[0]):
         c = entries[e, FIRST]
         workspace.meets[c] = NEVER
@@ -397,19 +397,11 @@ def next_part(tables, workspace, y, left, number):
     return part
 
 
-def leave_out(workspace):
-    """Set the gaps of the pairs without contact in this part to FAR."""
+def set_gaps(workspace, gap):
+    """Set the gaps of the pairs without contact in this part."""
     for c in range(workspace.meets.shape[0]):
         if workspace.meets[c] >= 0.0:
-            workspace.spots[c, GAP] = FAR
-
-
-def look_again(workspace):
-    """Let the pairs without contact in this part be examined at its end, since other contacts may
-    have driven them together."""
-    for c in range(workspace.meets.shape[0]):
-        if workspace.meets[c] >= 0.0:
-            workspace.spots[c, GAP] = 0.0
+            workspace.spots[c, GAP] = gap
 
 
 def add_up(memory, workspace, number, last, h):
@@ -444,31 +436,31 @@ scene: boxes within it are examined for contact."""
 def reach_of(tables, y, h):
     """Upper bound of the approach of two surfaces in a step [m]."""
     length = tables.scales[0]
-    return min(2.0 * h * fastest_of(tables, y), length) + REACH * length
+    fastest = max(fastest_of(tables, y), tables.scales[1])
+    return min(2.0 * h * fastest, length) + REACH * length
 
 
-def note_anchors(memory, workspace):
-    """Store the contact points at the end of the step, if they still exist."""
-    for c in range(memory.shape[0]):
-        if workspace.spots[c, GAP] < 1e299:
-            keep(memory, c, ANCHOR, vec(workspace.spots, c, POINT))
-
-
-def note_aims(memory, workspace, t):
-    """Store the largest error of a velocity change in the step to t because a normal has rotated
+def note_ends(tables, memory, workspace, t, y):
+    """Store contact points and velocities of closed contacts relative to their supports at the end
+    of a step, t; and the largest error of a velocity change in it because a normal has rotated
     since its middle: velocity given by the impulse times rotation of the normal."""
     for c in range(memory.shape[0]):
         given = vec(memory, c, AIM)
-        if had_impulse(memory, c) and workspace.spots[c, GAP] < 1e299:
-            size = norm(given)
-            wrong = norm(sub(scale(size, vec(workspace.spots, c, NORMAL)), given))
-            if wrong > workspace.notes[ASTRAY]:
-                workspace.notes[ASTRAY], workspace.notes[ASTRAY_AT], workspace.notes[ASTRAY_OF] = (
-                    wrong,
-                    t,
-                    c,
-                )
         keep(memory, c, AIM, (0.0, 0.0, 0.0))
+        if not workspace.spots[c, GAP] < 1e299:
+            continue
+        n, p, size = vec(workspace.spots, c, NORMAL), vec(workspace.spots, c, POINT), norm(given)
+        keep(memory, c, ANCHOR, p)
+        wrong = norm(sub(scale(size, n), given))
+        if wrong > workspace.notes[ASTRAY]:
+            workspace.notes[ASTRAY], workspace.notes[ASTRAY_AT] = wrong, t
+            workspace.notes[ASTRAY_OF] = c
+        if memory[c, CLOSED] != 0.0:
+            B, A = state_of(y, tables.owners[c, 0]), state_of(y, tables.owners[c, 1])
+            v = sub(velocity_at(B, sub(p, B.p_WC)), velocity_at(A, sub(p, A.p_WC)))
+            v = sub(v, vec(workspace.spots, c, MOVES))
+            memory[c, ENDS] = dot(n, v)
+            keep(memory, c, ENDS + 1, sub(v, scale(dot(n, v), n)))
 
 
 def note_open(workspace, t):
@@ -484,16 +476,20 @@ def note_open(workspace, t):
     notes[OPEN_BEFORE] = notes[OPEN_NOW]
 
 
-def add_loads(tables, t, y):
-    """Add the loads of all effects but gravity at (t, y)."""
-    law, n = tables.addresses[LOADS], tables.bodies.shape[0]
+def write_loads(tables, t, y):
+    """Set the loads to those of all effects at (t, y)."""
+    law, n, b = tables.addresses[LOADS], tables.bodies.shape[0], tables.bodies
+    for i in range(n):
+        for j in range(3):
+            b[i, LOAD + j] = b[i, MASS] * tables.gravity[i, j]
+            b[i, LOAD + 3 + j] = 0.0
     if law == 0:
         return
     loads = pointer(tables.loads)
     call_law(law, t, pointer(y), pointer(tables.inputs), loads)
     for i in range(n):
         for j in range(6):
-            tables.bodies[i, LOAD + j] += loads[6 * i + j]
+            b[i, LOAD + j] += loads[6 * i + j]
     for i in range(tables.loads.shape[0] - 6 * n):
         tables.inputs[i] = loads[6 * n + i]
 
@@ -540,26 +536,6 @@ def find_all_spots(tables, memory, workspace, t, y, h, again):
     find_spots(tables, memory, spots, polygons, workspace.scratch, t, y, reach, again)
 
 
-def to_middle(tables, memory, workspace, t, y, h):
-    """The first half of the drift; then loads, rows of the joints and spots at the middle."""
-    load_gravity(tables)
-    drift(tables, y, 0.5 * h)
-    add_loads(tables, t + 0.5 * h, y)
-    write_joint_rows(tables, workspace, t + 0.5 * h, y)
-    find_all_spots(tables, memory, workspace, t + 0.5 * h, y, h, False)
-    leave_out(workspace)
-
-
-def to_end(tables, memory, workspace, y, h):
-    """The impulses, the second half of the drift, and the work of the contacts (last of y)."""
-    solve_step(tables, memory, workspace, y, h)
-    look_again(workspace)
-    drift(tables, y, 0.5 * h)
-    y[y.shape[0] - 1] += workspace.notes[WORK]
-    for i in range(y.shape[0]):
-        workspace.before[i] = y[i]
-
-
 def find_at_end(tables, memory, workspace, t, y, h):
     """The spots at the end of a step, after projection onto the joints."""
     project_joints(tables, workspace, t, y)
@@ -582,14 +558,6 @@ def has_strayed(tables, y, h):
     return False
 
 
-def is_finite(y):
-    """Whether all entries of y are finite."""
-    s = 0.0
-    for i in range(y.shape[0]):
-        s += 0.0 * y[i]
-    return s == 0.0
-
-
 def one_step(tables, memory, workspace, t, y, h):
     """A step of length h from t in its parts; y in place."""
     left, at, number = h, t, 0
@@ -605,8 +573,17 @@ def one_step(tables, memory, workspace, t, y, h):
 
 def one_part(tables, memory, workspace, t, y, h):
     """A part of length h of a step; y in place."""
-    to_middle(tables, memory, workspace, t, y, h)
-    to_end(tables, memory, workspace, y, h)
+    drift(tables, y, 0.5 * h)
+    write_loads(tables, t + 0.5 * h, y)
+    write_joint_rows(tables, workspace, t + 0.5 * h, y)
+    find_all_spots(tables, memory, workspace, t + 0.5 * h, y, h, False)
+    set_gaps(workspace, FAR)
+    solve_step(tables, memory, workspace, y, h)
+    set_gaps(workspace, 0.0)  # other contacts may have driven these pairs together
+    drift(tables, y, 0.5 * h)
+    y[y.shape[0] - 1] += workspace.notes[WORK]
+    for i in range(y.shape[0]):
+        workspace.before[i] = y[i]
     apart = False
     for _ in range(SEPARATION_ROUNDS):
         find_at_end(tables, memory, workspace, t + h, y, h)
@@ -621,10 +598,8 @@ def one_part(tables, memory, workspace, t, y, h):
     if not apart:
         find_at_end(tables, memory, workspace, t + h, y, h)
     book_lift(tables, memory, workspace, y)
-    note_aims(memory, workspace, t + h)
     note_open(workspace, t + h)
-    note_anchors(memory, workspace)
-    note_ends(tables, memory, workspace, y)
+    note_ends(tables, memory, workspace, t + h, y)
 
 
 @entry
@@ -643,7 +618,7 @@ def steps(tables, memory, workspace, origin, first, count, h, y, y_before, memor
             for j in range(memory.shape[1]):
                 memory_before[c, j] = memory[c, j]
         one_step(tables, memory, workspace, origin + k * h, y, h)
-        if not is_finite(y):
+        if not finite(y):
             return k - first
     return count
 

@@ -11,13 +11,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from rb_sim.catalogue.constraints.rows import ROW_WIDTH
 from rb_sim.contact.gauss_seidel import MOST_TOGETHER
-from rb_sim.contact.problem import BLOCK, CONTACT_ROWS, RULES, WIDTH
+from rb_sim.contact.problem import BLOCK, CONTACT_ROWS, RULES, WIDTH, zeros_of
+from rb_sim.integrate.layout import INTEGER, REAL
 from rb_sim.mechanics.systems.many_bodies import WIDTH as STATE
 
 GAP, NORMAL, POINT, MOVES, TURNS_AT, SPOT = 0, 1, 4, 7, 10, 13
@@ -98,85 +99,57 @@ point."""
 class Workspace(NamedTuple):
     """Workspace of a step, with results of the run in `notes`."""
 
-    spots: np.ndarray
-    """shape (C, SPOT)."""
-    polygons: np.ndarray
-    """shape (4, 12, 5)."""
-    active: np.ndarray
-    """active points, shape (C,)."""
-    rows: np.ndarray
-    """shape (CONTACT_ROWS C, WIDTH)."""
-    targets: np.ndarray
-    rules: np.ndarray
-    bends: np.ndarray
-    """bends (see geometry) of the active points, shape (C, 4)."""
-    held: np.ndarray
-    """number of rows that act on each body, shape (N,)."""
-    blocks: np.ndarray
-    ends: np.ndarray
-    x: np.ndarray
-    joint_rows: np.ndarray
-    joint_targets: np.ndarray
-    joint_x: np.ndarray
+    spots: Annotated[np.ndarray, REAL, "points", SPOT]
+    polygons: Annotated[np.ndarray, REAL, 4, 12, 5]
+    active: Annotated[np.ndarray, INTEGER, "points"]
+    """active points."""
+    rows: Annotated[np.ndarray, REAL, "rows", WIDTH]
+    targets: Annotated[np.ndarray, REAL, "rows"]
+    rules: Annotated[np.ndarray, REAL, "points", RULES]
+    bends: Annotated[np.ndarray, REAL, "points", 4]
+    """bends (see geometry) of the active points."""
+    held: Annotated[np.ndarray, REAL, "bodies"]
+    """number of rows that act on each body."""
+    blocks: Annotated[np.ndarray, REAL, "points", BLOCK]
+    ends: Annotated[np.ndarray, INTEGER, "points", 2]
+    x: Annotated[np.ndarray, REAL, "rows"]
+    joint_rows: Annotated[np.ndarray, REAL, "joints", WIDTH]
+    joint_targets: Annotated[np.ndarray, REAL, "joints"]
+    joint_x: Annotated[np.ndarray, REAL, "joints"]
     """impulses of the joints; at the start of a step those of the step before."""
-    joint_back: np.ndarray
+    joint_back: Annotated[np.ndarray, REAL, "joints"]
     """impulses of the joints by the projection of velocities at the end of a step, whose rows have
     rotated since its middle."""
-    joint_factor: np.ndarray
-    joint_spare: np.ndarray
-    u: np.ndarray
-    """velocities, shape (N, 6)."""
-    turning: np.ndarray
-    """velocities with the gyroscopic torque alone, shape (N, 6)."""
-    before: np.ndarray
-    """coordinates before the corrections at the end of a step, shape (13 N + 1,)."""
-    notes: np.ndarray
-    """shape (NOTES,)."""
-    meets: np.ndarray
-    """times at which fast pairs meet in the step [s], see step_kernels, shape (C,)."""
-    summed: np.ndarray
-    """impulses and twists of the parts of a step, shape (C, 6)."""
-    joint_summed: np.ndarray
+    joint_factor: Annotated[np.ndarray, REAL, "together", "together"]
+    joint_spare: Annotated[np.ndarray, REAL, 2, "joints"]
+    u: Annotated[np.ndarray, REAL, "bodies", 6]
+    """velocities."""
+    turning: Annotated[np.ndarray, REAL, "bodies", 6]
+    """velocities with the gyroscopic torque alone."""
+    before: Annotated[np.ndarray, REAL, "state"]
+    """coordinates before the corrections at the end of a step."""
+    notes: Annotated[np.ndarray, REAL, NOTES]
+    meets: Annotated[np.ndarray, REAL, "points"]
+    """times at which fast pairs meet in the step [s], see step_kernels."""
+    summed: Annotated[np.ndarray, REAL, "points", 6]
+    """impulses and twists of the parts of a step."""
+    joint_summed: Annotated[np.ndarray, REAL, "joints"]
     """impulses of the joints in the parts of a step."""
-    scratch: np.ndarray
-    """arguments and results of the law of a pair or traction, shape (2 STATE + SPOT,)."""
-    joint_out: np.ndarray
+    scratch: Annotated[np.ndarray, REAL, 2 * STATE + SPOT]
+    """arguments and results of the law of a pair or traction."""
+    joint_out: Annotated[np.ndarray, REAL, "results"]
     """results of a law of the joints."""
 
 
 def workspace_for(bodies: int, points: int, joints: int) -> Workspace:
     """The workspace for these numbers of bodies, contact points and rows of joints."""
-    together = joints if joints <= MOST_TOGETHER else 0
-    notes = np.zeros(NOTES)
-    notes[FRESH] = 1.0
-    return Workspace(
-        np.zeros((points, SPOT)),
-        np.zeros((4, 12, 5)),
-        np.zeros(points, np.int64),
-        np.zeros((CONTACT_ROWS * points, WIDTH)),
-        np.zeros(CONTACT_ROWS * points),
-        np.zeros((points, RULES)),
-        np.zeros((points, 4)),
-        np.zeros(bodies),
-        np.zeros((points, BLOCK)),
-        np.zeros((points, 2), np.int64),
-        np.zeros(CONTACT_ROWS * points),
-        np.zeros((joints, WIDTH)),
-        np.zeros(joints),
-        np.zeros(joints),
-        np.zeros(joints),
-        np.zeros((together, together)),
-        np.zeros((2, joints)),
-        np.zeros((bodies, 6)),
-        np.zeros((bodies, 6)),
-        np.zeros(STATE * bodies + 1),
-        notes,
-        np.full(points, -1.0),
-        np.zeros((points, 6)),
-        np.zeros(joints),
-        np.zeros(2 * STATE + SPOT),
-        np.zeros(STATE * bodies + ROW_WIDTH * joints + 1),
-    )
+    made = zeros_of(
+        Workspace, bodies=bodies, points=points, joints=joints, rows=CONTACT_ROWS * points,
+        together=joints if joints <= MOST_TOGETHER else 0, state=STATE * bodies + 1,
+        results=STATE * bodies + ROW_WIDTH * joints + 1,
+    )  # fmt: skip
+    made.notes[FRESH], made.meets[:] = 1.0, -1.0
+    return made
 
 
 def memory_of(points: int) -> np.ndarray:

@@ -68,12 +68,6 @@ class PipedFile:
         """True if the file was deleted. Invalid after `wait`."""
         return os.fstat(self._file).st_nlink == 0
 
-    @property
-    def free(self) -> int:
-        """Free space on its disk [bytes]. Invalid after `wait`."""
-        disk = os.fstatvfs(self._file)
-        return disk.f_bavail * disk.f_frsize
-
     def wait(self) -> None:
         """Wait until all data of the writer are in the file, and close it."""
         self._thread.join()
@@ -99,13 +93,6 @@ ROWS = 4096
 
 PERIOD = 2.0
 """[s] of wall-clock time after which samples are written, so that a live viewer shows them."""
-
-ROOM = 1 << 20
-"""Disk space left free so that the file can be finished [bytes]."""
-
-BYTES_PER_ROW = 1024
-"""Upper estimate for one body and sample."""
-
 
 quiet = partial(np.errstate, all="ignore")
 """Suppresses numpy's warnings of overflow in Rerun's single precision, for diverging runs."""
@@ -169,7 +156,9 @@ class RerunSink:
         blocks, self._blocks, self._rows = self._blocks, [], 0
         if not blocks:
             return
-        self._check_room(sum(len(block) for block in blocks))
+        if self._file.vanished:
+            self._end()
+            raise SinkError(f"{self.path}: the recording was removed while it was written")
         block = concatenate(blocks, self._layout)
         with quiet():
             if self._view is None:
@@ -182,16 +171,6 @@ class RerunSink:
         from rb_sim.io.rerun.view import View
 
         return View(self._recording, self._scene, self._layout, first, self._motion_only)
-
-    def _check_room(self, rows: int) -> None:
-        """Raise SinkError while the file can still be finished, if the disk is nearly full."""
-        if self._file.vanished:
-            self._end()
-            raise SinkError(f"{self.path}: the recording was removed while it was written")
-        need = ROOM + rows * BYTES_PER_ROW * max(1, len(self._layout.bodies))
-        if self._file.free < need:
-            self._end()
-            raise SinkError(f"{self.path}: disk full; the recording ends here")
 
     def _check_written(self) -> None:
         error = self._file.error

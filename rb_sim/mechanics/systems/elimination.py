@@ -113,21 +113,13 @@ def factored(system: MultiBody, order: list[int]) -> Factors:
     first = Factors(constraint_matrix(system, order), order)
     if min(first.kept.values(), default=1.0) > SURE:
         return first
-    rank = rank_as_a_whole(system, order, len(first.kept))
+    matrix = dense_matrix(system, order) if len(order) <= MOST else np.array(np.nan)
+    rank = rank_of(matrix) if np.isfinite(matrix).all() else len(first.kept)
     for limit in LIMITS:
         found = Factors(constraint_matrix(system, order), order, limit)
         if len(found.kept) == rank:
             return found
     return first
-
-
-def rank_as_a_whole(system: MultiBody, order: list[int], otherwise: int) -> int:
-    """The rank of A by its eigenvalues; `otherwise` if there are too many rows or they are not
-    finite."""
-    if len(order) > MOST:
-        return otherwise
-    matrix = dense_matrix(system, order)
-    return rank_of(matrix) if np.isfinite(matrix).all() else otherwise
 
 
 def dense_matrix(system: MultiBody, rows: Sequence[int]) -> np.ndarray:

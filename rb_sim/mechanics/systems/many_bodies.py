@@ -136,29 +136,19 @@ def apply_effects(effects, t, system, y):
         apply_one(placed, t, system, y)
 
 
-def fill_one(placed, t, system, y, part):
-    """Write the rows of one constraint part, given its index."""
-    B, A = state_of(y, placed.body), state_of(y, placed.parent)
-    fill(placed.row, t, B, A, system.rows, system.first_row[part])
-
-
 def fill_all(constraints, t, system, y):
     """Write the rows of all constraints."""
     for part, placed in enumerate(constraints):
-        fill_one(placed, t, system, y, part)
-
-
-def anchor_one(placed, system, y, part):
-    """Write the point of application of one constraint's reaction, world [m]."""
-    point = anchor(placed.row, state_of(y, placed.body), state_of(y, placed.parent))
-    for j in range(3):
-        system.anchors[part, j] = point[j]
+        B, A = state_of(y, placed.body), state_of(y, placed.parent)
+        fill(placed.row, t, B, A, system.rows, system.first_row[part])
 
 
 def anchor_all(constraints, system, y):
-    """Write the anchors of all constraints."""
+    """Write the points of application of all reactions, world [m]."""
     for part, placed in enumerate(constraints):
-        anchor_one(placed, system, y, part)
+        point = anchor(placed.row, state_of(y, placed.body), state_of(y, placed.parent))
+        for j in range(3):
+            system.anchors[part, j] = point[j]
 
 
 def power_one(placed, t, system, y):

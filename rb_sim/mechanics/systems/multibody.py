@@ -136,11 +136,9 @@ def row_velocity(system, y, k):
     return s
 
 
-def _write_rows(system, t, y):
+@dispatch
+def write_rows(system, t, y):
     """Write the rows of all constraints at (t, y)."""
-
-
-write_rows = dispatch(_write_rows)
 
 
 def clear_loads(system):

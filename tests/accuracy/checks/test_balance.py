@@ -127,6 +127,36 @@ def test_the_work_of_a_table_is_integrated_over_its_pieces(interpolation: str, r
     assert energy is not None and energy["relative"] < 1e-14
 
 
+PUSH, ROPE, END = 50.0, 100.0, 2.0
+"""Largest force [N], drag [N s/m] and duration [s]; the speed of a light body follows the force."""
+
+
+@pytest.mark.parametrize(
+    ("pull", "mean_square"),
+    [
+        ({"type": "wrench", "force": [PUSH, 0, 0]}, 1.0),
+        ({"type": "wrench", "frame": "body", "force": [0, PUSH, 0]}, 1.0),
+        ({"type": "wrench", "sine_force": [PUSH, 0, 0], "angular_frequency": np.pi}, 0.5),
+        ({"type": "wrench_table", "times": [0, END], "forces": [[0, 0, 0], [PUSH, 0, 0]]}, 1 / 3),
+    ],
+    ids=["constant", "body axes", "sine", "table"],
+)
+def test_a_wrench_and_the_drag_against_it_exchange_what_each_of_them_does(
+    pull: dict[str, Any], mean_square: float
+) -> None:
+    """With a mass of no effect v = F / c: the wrench gives int F^2 / c dt, the drag takes as much,
+    and their sum is zero."""
+    half = np.sqrt(0.5)
+    body = {"mass": 1e-3, "inertia": [1e-3] * 3, "orientation": [0.0, 0.0, half, half]}
+    effects = {"pull": pull | {"body": "b"}}
+    effects["drag"] = {"type": "linear_drag", "body": "b", "coefficient": ROPE}
+    options = {"duration": END, "rate": 1000.0, "method": "radau5", "tolerance": 1e-8}
+    ledger = ledger_of(
+        load_scene({"bodies": {"b": body}, "effects": effects, "simulation": options})
+    )
+    assert ledger.exchanged == pytest.approx(2 * PUSH**2 / ROPE * END * mean_square, rel=1e-3)
+
+
 def test_what_is_left_of_velocities_that_a_weld_takes_is_no_energy() -> None:
     """It is rounding, which a step then changes by all of it."""
     body = {

@@ -98,6 +98,30 @@ def test_a_drag_that_acts_between_two_samples_is_no_energy_that_is_lost() -> Non
     assert run.findings == ()
 
 
+@pytest.mark.parametrize(
+    ("setting", "error"),
+    [({"method": "radau5", "tolerance": 1e-4}, 1e-6), ({"method": "rk4", "step": 1e-6}, 1e-12)],
+    ids=["error of the tolerance", "exactly no power"],
+)
+def test_a_wrench_that_a_stiff_drag_balances_loses_no_energy(
+    setting: dict[str, Any], error: float
+) -> None:
+    """5 kN and a drag on 0.1 kg that moves at 1 m/s after 20 us: 5 kW come and go. Their difference
+    at the samples is an error of the speed times 5 kN, or nothing at all by fixed steps; 0.05 J,
+    the energy of the body, are no scale of it."""
+    scene = {
+        "bodies": {"b": {"mass": 0.1, "inertia": [0.01, 0.01, 0.01]}},
+        "effects": {
+            "pull": {"type": "wrench", "body": "b", "force": [5e3, 0.0, 0.0]},
+            "drag": {"type": "linear_drag", "body": "b", "coefficient": 5e3},
+        },
+        "simulation": {"duration": 3.0 if "tolerance" in setting else 0.1, "rate": 100.0} | setting,
+    }
+    run = Simulation(scene).run()
+    assert run.block.position[-1, 0, 0] == pytest.approx(run.t[-1] - 2e-5, rel=error)
+    assert run.findings == ()
+
+
 def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
     """A balance beyond the bound of the second run is not withdrawn by it."""
     simulation = heavy_on_light()

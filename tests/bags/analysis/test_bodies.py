@@ -26,7 +26,9 @@ from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.io.bag.bag_sink import BagSink
 from rb_sim.scene.listing import find_scene
 from tests.bags.analysis import foreign
-from tests.bags.analysis.test_foreign import POSE, TWIST, T, pose, writing
+from tests.bags.analysis.foreign import pose_stamped as pose
+from tests.bags.analysis.foreign import writing
+from tests.bags.analysis.test_foreign import T
 
 H = 1e-2
 CUBE = Body(2.0, np.diag([0.1, 0.2, 0.3]), np.zeros(3))
@@ -252,7 +254,6 @@ def test_nothing_but_impacts_is_one_line() -> None:
 # A twist beside the derivative of the poses: other axes, units or signs than it says are told.
 
 
-ODOMETRY = "nav_msgs/msg/Odometry"
 TURN = Rotation.from_rotvec(np.c_[0.3 * np.sin(T), 0.0 * T, 0.8 * T])
 P = np.c_[0.5 * np.sin(3.0 * T), 0.1 + 0.3 * T, 0.2 * T]
 V = np.c_[1.5 * np.cos(3.0 * T), 0.3 + 0.0 * T, 0.2 + 0.0 * T]
@@ -263,17 +264,11 @@ SPIN = (
 ).as_rotvec() / (2.0 * STEP)
 
 
-def vector(values: np.ndarray) -> Any:
-    return foreign.STORE.types["geometry_msgs/msg/Vector3"](*map(float, values))
-
-
 def notes(path: Path, v: np.ndarray, w: np.ndarray, p: np.ndarray = P, **options: Any) -> list[str]:
     """What is told of an Odometry with these velocities."""
     with writing(path) as bag:
         for k, t in enumerate(T):
-            _, message = foreign.odometry(t, p[k], TURN.as_quat()[k])
-            message.twist.twist.linear, message.twist.twist.angular = vector(v[k]), vector(w[k])
-            bag.add("/body", ODOMETRY, message, t)
+            bag.add("/body", *foreign.odometry(t, p[k], TURN.as_quat()[k], v[k], w[k]), t)
     return [line for line in analyze(path, **options).notes if "velocity" in line]
 
 
@@ -324,12 +319,10 @@ def test_a_topic_of_its_own(tmp_path: Path, frame: str, told: int) -> None:
     path = tmp_path / "x.mcap"
     with writing(path) as bag:
         for k, t in enumerate(T):
-            bag.add("/body/pose", POSE, pose(t, P[k], TURN.as_quat()[k]), t)
+            bag.add("/body/pose", *pose(t, P[k], TURN.as_quat()[k]), t)
             if k % 2:
-                header = foreign.header(t + 3e-3, frame)
-                both = foreign.STORE.types["geometry_msgs/msg/Twist"](vector(V[k]), vector(SPIN[k]))
-                message = foreign.STORE.types[TWIST](header=header, twist=both)
-                bag.add("/body/twist", TWIST, message, t + 3e-3)
+                twist = foreign.twist_stamped(t + 3e-3, V[k], SPIN[k], frame)
+                bag.add("/body/twist", *twist, t + 3e-3)
     lines = [line for line in analyze(path).notes if "linear velocity" in line]
     assert len(lines) == told
     assert all("but in the axes of the poses (" in line for line in lines)

@@ -11,13 +11,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer
 from scipy.spatial.transform import Rotation
 
 from rb_sim.bags.analysis.derivatives import Body
@@ -25,68 +22,19 @@ from rb_sim.bags.analysis.recorded_run import analyze
 from rb_sim.base.errors import SinkError
 from rb_sim.scene.load import load_scene
 from tests.bags.analysis import foreign
+from tests.bags.analysis.foreign import (
+    POSE,
+    transforms,
+    twist_stamped,
+    wrench_stamped,
+    writing,
+)
+from tests.bags.analysis.foreign import pose_stamped as pose
 
-POSE, TWIST = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TwistStamped"
-TF = "tf2_msgs/msg/TFMessage"
 T, P, Q = foreign.swing()
 PEAK = 0.5 * 3.0**2
 """Largest acceleration of the swing along x [m/s^2]."""
 UNIT = {"body": Body(1.0, np.eye(3), np.zeros(3))}
-
-
-class Bag:
-    """Messages of any type in channels of any number; n counts them."""
-
-    def __init__(self, writer: Writer) -> None:
-        self.writer, self.n = writer, 0
-        self._channels: dict[tuple[str, str, int], int] = {}
-
-    def add(self, topic: str, kind: str, message: object, t: float, channel: int = 0) -> None:
-        key = topic, kind, channel
-        if key not in self._channels:
-            schema = self.writer.register_schema(kind, "ros2msg", b"")
-            self._channels[key] = self.writer.register_channel(topic, "cdr", schema)
-        data = message if isinstance(message, bytes) else foreign.STORE.serialize_cdr(message, kind)
-        stamp = round((foreign.EPOCH + t) * 1e9)
-        self.writer.add_message(self._channels[key], stamp, bytes(data), stamp, self.n)
-        self.n += 1
-
-
-@contextmanager
-def writing(path: Path, **options: object) -> Iterator[Bag]:
-    with path.open("wb") as file:
-        writer = Writer(file, **options)  # type: ignore[arg-type]
-        writer.start(profile="ros2", library="somebody")
-        yield Bag(writer)
-        writer.finish()
-
-
-def pose(t: float, p: np.ndarray, q: np.ndarray, frame: str = "map"):
-    return foreign.STORE.types[POSE](header=foreign.header(t, frame), pose=foreign.pose_of(p, q))
-
-
-def twist(t: float):
-    types = foreign.STORE.types
-    vector = types["geometry_msgs/msg/Vector3"](1.0, 2.0, 3.0)
-    both = types["geometry_msgs/msg/Twist"](linear=vector, angular=vector)
-    return types[TWIST](header=foreign.header(t, "map"), twist=both)
-
-
-def transforms(t: float, *entries: tuple[str, str, np.ndarray, np.ndarray]):
-    """Of each: parent, child, position, quaternion."""
-    types = foreign.STORE.types
-    made = []
-    for parent, child, p, q in entries:
-        one = types["geometry_msgs/msg/Transform"](
-            translation=types["geometry_msgs/msg/Vector3"](*map(float, p)),
-            rotation=types["geometry_msgs/msg/Quaternion"](*map(float, q)),
-        )
-        made.append(
-            types["geometry_msgs/msg/TransformStamped"](
-                header=foreign.header(t, parent), child_frame_id=child, transform=one
-            )
-        )
-    return types[TF](transforms=made)
 
 
 def peak(found: dict, source: str) -> float:
@@ -97,8 +45,8 @@ def peak(found: dict, source: str) -> float:
 def test_two_types_under_one_name(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
-            bag.add("/body", POSE, pose(t, p, q), t)
-            bag.add("/body", TWIST, twist(t), t)
+            bag.add("/body", *pose(t, p, q), t)
+            bag.add("/body", *twist_stamped(t, [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], "map"), t)
     found = analyze(tmp_path / "x.mcap")
     assert found.kinds == {"/body": "pose", "/body (TwistStamped)": "twist"}
     assert all(figures.rates.count == len(T) for figures in found.figures.values())
@@ -110,7 +58,7 @@ def test_one_topic_in_two_frames_is_not_one_motion(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
             late = k >= len(T) // 2
-            bag.add("/body", POSE, pose(t, p + 50.0 * late, q, "odom" if late else "map"), t)
+            bag.add("/body", *pose(t, p + 50.0 * late, q, "odom" if late else "map"), t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     reported = found.as_dict()
     assert peak(reported, "/body") == pytest.approx(PEAK, rel=1e-3)
@@ -122,7 +70,7 @@ def test_two_parents_of_one_child(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
             both = transforms(t, ("map", "body", p, q), ("odom", "body", p + 5.0, q))
-            bag.add("/tf", TF, both, t)
+            bag.add("/tf", *both, t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     reported = found.as_dict()
     assert reported["sources"]["/tf:body"]["count"] == len(T)
@@ -135,7 +83,7 @@ def test_a_child_in_messages_of_several_lengths_keeps_its_order(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
             more = [("map", "post", np.zeros(3), Q[0])] * (k % 2)
-            bag.add("/tf", TF, transforms(t, *more, ("map", "body", p, q)), t)
+            bag.add("/tf", *transforms(t, *more, ("map", "body", p, q)), t)
     reported = analyze(tmp_path / "x.mcap", masses=UNIT).as_dict()
     assert reported["sources"]["/tf:body"]["backwards"] == 0
     assert peak(reported, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
@@ -144,7 +92,7 @@ def test_a_child_in_messages_of_several_lengths_keeps_its_order(tmp_path):
 def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
-            bag.add("/body", POSE, pose(t, p, q), t, channel=k % 2)
+            bag.add("/body", *pose(t, p, q), t, channel=k % 2)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
     assert found.figures["/body"].rates.backwards == 0
@@ -160,7 +108,7 @@ def test_a_frame_that_moves_and_is_in_no_tree_is_told(tmp_path, slash):
             kind, odometry = foreign.odometry(t, p, q)
             bag.add("/odom", kind, odometry, t)
             arm = transforms(t, (f"{slash}base_link", "arm", np.array([0, 0, 0.3]), q))
-            bag.add("/tf", TF, arm, t)
+            bag.add("/tf", *arm, t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     (line,) = [note for note in found.notes if "which moves" in note]
     assert line.startswith(
@@ -182,10 +130,10 @@ def test_bodies_of_one_scene_in_frames_that_nothing_connects(tmp_path, joined):
     with writing(tmp_path / "x.mcap") as bag:
         if joined:
             static = transforms(0.0, ("map", "odom", offset, np.array([0, 0, 0, 1.0])))
-            bag.add("/tf_static", TF, static, 0.0)
+            bag.add("/tf_static", *static, 0.0)
         for t, p, q in zip(T, P, Q, strict=True):
-            bag.add("/a/pose", POSE, pose(t, p + [1.0, 0.0, 0.0], q), t)
-            bag.add("/b/pose", POSE, pose(t, p - offset, q, "odom"), t)
+            bag.add("/a/pose", *pose(t, p + [1.0, 0.0, 0.0], q), t)
+            bag.add("/b/pose", *pose(t, p - offset, q, "odom"), t)
     found = analyze(tmp_path / "x.mcap", masses=masses, scene=scene)
     reported = [note for note in found.notes if "no transform connects" in note]
     error = found.as_dict()["constraints"]["position"]["rod"]["largest"]
@@ -202,7 +150,7 @@ def test_a_message_that_is_none_costs_nothing_else(tmp_path, at, cut):
     """In the first chunk of several, first or not: a body without end, one cut short."""
     with writing(tmp_path / "x.mcap", chunk_size=4000) as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
-            whole = bytes(foreign.STORE.serialize_cdr(pose(t, p, q), POSE))
+            whole = bytes(foreign.STORE.serialize_cdr(pose(t, p, q)[1], POSE))
             bag.add("/body", POSE, whole[:cut] if k == at else whole, t)
     found = analyze(tmp_path / "x.mcap")
     assert found.figures["/body"].rates.count == len(T) - 1
@@ -213,7 +161,7 @@ def test_a_message_that_is_none_costs_nothing_else(tmp_path, at, cut):
 def test_a_frame_of_its_own_in_each_message(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
-            bag.add("/body", POSE, pose(t, p, q, f"frame{k}"), t)
+            bag.add("/body", *pose(t, p, q, f"frame{k}"), t)
     found = analyze(tmp_path / "x.mcap")
     assert len(found.figures) == 16
     assert "/body: the rest is skipped: it has more than 16 frames" in found.notes
@@ -222,8 +170,8 @@ def test_a_frame_of_its_own_in_each_message(tmp_path):
 def test_a_pose_that_comes_twice_is_one(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
-            bag.add("/body", POSE, pose(t, p, q), t)
-            bag.add("/body", POSE, pose(t, p, q), t)
+            bag.add("/body", *pose(t, p, q), t)
+            bag.add("/body", *pose(t, p, q), t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
     assert any(f"{len(T)} poses have the stamp of the one before" in n for n in found.notes)
@@ -242,7 +190,7 @@ def test_a_quaternion_beyond_all_bounds_is_left_out(tmp_path):
 def test_a_reading_beyond_all_bounds_is_left_out(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
-            bag.add("/body", POSE, pose(t, p * (1e300 if k == 200 else 1.0), q), t)
+            bag.add("/body", *pose(t, p * (1e300 if k == 200 else 1.0), q), t)
     found = analyze(tmp_path / "x.mcap", masses=UNIT)
     assert peak(found.as_dict(), "/body") == pytest.approx(PEAK, rel=1e-3)
     assert "/body: 1 readings beyond 1e+100 skipped" in found.notes
@@ -251,7 +199,7 @@ def test_a_reading_beyond_all_bounds_is_left_out(tmp_path):
 def test_a_compression_that_nobody_knows_is_no_wrong_checksum(tmp_path):
     path = tmp_path / "x.mcap"
     with writing(path) as bag:
-        bag.add("/body", POSE, pose(T[0], P[0], Q[0]), T[0])
+        bag.add("/body", *pose(T[0], P[0], Q[0]), T[0])
     data = path.read_bytes()
     path.write_bytes(data.replace(b"\x04\0\0\0zstd", b"\x04\0\0\0brot"))
     with pytest.raises(SinkError, match="its compression is neither zstd nor lz4"):
@@ -291,19 +239,11 @@ def test_messages_that_lie_in_no_order_are_told_from_a_clock_that_was_set(tmp_pa
 # Wrenches of a sensor that sits on a body: its frame, its clock, and where it is silent.
 
 
-WRENCH = "geometry_msgs/msg/WrenchStamped"
 C = np.array([0.1, -0.2, 0.3])
 BODY = Body(2.0, np.diag([0.1, 0.2, 0.3]), C)
 SPIN = 0.8
 FLANGE = np.array([0.0, 0.4, 0.1]), Rotation.from_rotvec([0.5, 0.0, 0.2])
 SENSOR = np.array([0.3, 0.0, -0.1]), Rotation.from_rotvec([0.0, -1.0, 0.4])
-
-
-def stamped(t: float, frame: str, force: np.ndarray, torque: np.ndarray):
-    types = foreign.STORE.types
-    vectors = [types["geometry_msgs/msg/Vector3"](*map(float, v)) for v in (force, torque)]
-    wrench = types["geometry_msgs/msg/Wrench"](force=vectors[0], torque=vectors[1])
-    return types[WRENCH](header=foreign.header(t, frame), wrench=wrench)
 
 
 def motion() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -332,14 +272,14 @@ def write(
         for child, (at, way), parent in (("ft_sensor", SENSOR, "flange"),
                                          ("flange", FLANGE, "base_link")) * fixed:  # fmt: skip
             entry = (parent, child, at, way.as_quat())
-            bag.add("/tf_static", TF, transforms(0.0, entry), 0.0)
+            bag.add("/tf_static", *transforms(0.0, entry), 0.0)
         if moved:
             entry = ("base_link", "flange", FLANGE[0] + 0.1, FLANGE[1].as_quat())
-            bag.add("/tf_static", TF, transforms(0.0, entry), 0.0)
+            bag.add("/tf_static", *transforms(0.0, entry), 0.0)
         for i, t in enumerate(T):
             if not silent[0] < t < silent[1]:
-                bag.add("/push", WRENCH, stamped(t + clock, frame, f[i], k[i]), t)
-            bag.add("/tf", TF, transforms(t, ("odom", "base_link", p[i], q[i])), t)
+                bag.add("/push", *wrench_stamped(t + clock, frame, f[i], k[i]), t)
+            bag.add("/tf", *transforms(t, ("odom", "base_link", p[i], q[i])), t)
     return path
 
 

@@ -11,13 +11,16 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
+from rb_sim.bags.analysis.analysis_page import tables
 from rb_sim.bags.analysis.recorded_run import analyze
-from rb_sim.cli.verbs.analyze import _print_balance
 from rb_sim.scene.load import scene_from_mapping
 from tests.bags.analysis import foreign
+from tests.cli.process import invoke
 
 M, G = 2.0, 1.0
 BODY = {"mass": M, "inertia": [0.1, 0.2, 0.3]}
@@ -49,14 +52,10 @@ def odometry(folder, seed: int, twists: float = TWISTS, factor: float = 1.0, mot
     own = np.c_[c * v[:, 0] + s * v[:, 1], -s * v[:, 0] + c * v[:, 1], v[:, 2]]
     own = factor * (own + twists * random.standard_normal(own.shape))
     spin = np.array([0.0, 0.0, 0.8]) + twists * random.standard_normal((len(t), 3))
-    vector = foreign.STORE.types["geometry_msgs/msg/Vector3"]
 
     def message(at, position, attitude):
         k = round(at * 100.0)
-        kind, made = foreign.odometry(at, position, attitude)
-        made.twist.twist.linear = vector(*map(float, own[k]))
-        made.twist.twist.angular = vector(*map(float, spin[k]))
-        return kind, made
+        return foreign.odometry(at, position, attitude, own[k], spin[k])
 
     return foreign.write(folder, message, t, p, turned), v
 
@@ -97,20 +96,22 @@ def test_a_twist_that_is_worse_or_another_one_is_not_taken(tmp_path, twists, fac
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.0])
-def test_the_noise_of_a_balance_bounds_it(tmp_path, factor, capsys):
+def test_the_noise_of_a_balance_bounds_it(tmp_path, factor):
     """What acted is known: all that is left of the energy and momenta is noise. Over 12 recordings
     the error is as large as the bound says: below it mostly, and not far below always."""
     ratios = []
     for seed in range(12):
         bag, _ = odometry(tmp_path / f"bag{seed}", seed, TWISTS, factor)
-        (balance,) = analyze(bag, scene=scene()).balances.values()
+        found = analyze(bag, scene=scene())
+        (balance,) = found.balances.values()
         rows = [balance["energy"], *balance["momentum"].values()]
         ratios.append([abs(row["error"]) / row["noise"] for row in rows])
     assert np.mean(np.array(ratios) < 1.0) > 0.85
     assert (np.max(ratios, axis=0) > 0.2).all()
-    reported = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
-    _print_balance(reported)
-    assert capsys.readouterr().out.count("noise of the recording up to") == 3
+    (table,) = [table for table in tables(found) if table.title == "Balance errors"]
+    assert [float(row[-1]) for row in table.rows] == pytest.approx(
+        [row["noise"] for row in rows], rel=0.01
+    )
 
 
 def test_the_noise_of_what_supplies_a_balance_bounds_it(tmp_path):
@@ -130,23 +131,21 @@ def test_the_noise_of_what_supplies_a_balance_bounds_it(tmp_path):
     assert np.max(ratios) > 0.2
 
 
-def test_without_the_reactions_there_is_no_balance_of_momentum(tmp_path, capsys):
+def test_without_the_reactions_there_is_no_balance_of_momentum(tmp_path):
     """A body that a plane at y = 0.1 holds: its reaction is not recorded, and does no work."""
     t, _, q = foreign.swing()
     p = np.c_[2.0 * t, 0.1 * np.ones_like(t), 3.0 * t - 0.5 * G * t**2]
     bag = foreign.write(tmp_path / "bag", t=t, position=p, q=q)
     plane = {"type": "plane", "body": "body", "normal_A": [0, 1, 0], "point_A": [0, 0.1, 0]}
-    made = scene_from_mapping(
-        {"bodies": {"body": BODY | {"position": [0, 0.1, 0]}},
-         "effects": WEIGHT, "constraints": {"wall": plane}},
-        name="made",
-    )  # fmt: skip
+    parts = {"bodies": {"body": BODY | {"position": [0, 0.1, 0]}}, "effects": WEIGHT}
+    parts |= {"constraints": {"wall": plane}}
+    made = scene_from_mapping(parts, name="made")
     (balance,) = analyze(bag, scene=made).balances.values()
     assert balance["momentum"] is None and balance["momentum_lacks_reactions_of"] == ["wall"]
     assert abs(balance["energy"]["error"]) < 1e-7
-    reported = {"balance": None, "balances": {"x": balance}, "constraints": None, "contacts": None}
-    _print_balance(reported)
-    assert "momentum error not available: no reactions of wall" in capsys.readouterr().out
+    (tmp_path / "made.yaml").write_text(json.dumps(parts))
+    printed = invoke("analyze", bag, "--masses", tmp_path / "made.yaml").stdout
+    assert "momentum error not available: no reactions of wall" in printed
 
 
 @pytest.mark.parametrize("every", [7, 50])

@@ -202,4 +202,4 @@ def test_thousands_of_sources_are_not_all_drawn(monkeypatch, tmp_path) -> None:
     assert "Of 3 of 5 sources; <code>--topic NAME</code> chooses others." in text
     drawn = set(re.findall(r'"title":"(/f\d)"', text))
     assert drawn == {"/f0", "/f1", "/f2"}
-    assert all(f"<td>/f{k}</td>" in text for k in range(5))
+    assert re.findall(r"<td>(/f\d)</td>", text) == ["/f0", "/f1", "/f2"]

@@ -19,8 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin
 
 from rb_sim import compare, fit
 from rb_sim.base.errors import RbSimError
@@ -38,7 +37,6 @@ FORCE = np.array([3.0, -6.0, 0.0, 4.0])
 T = np.arange(0.05, 2.0, 0.02)
 SPIN = 0.9
 """Of the cart about z."""
-WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 
 
 def along(t):
@@ -50,13 +48,6 @@ def along(t):
         x += v * span + force / M * span**2 / 2
         v = v + force / M * span
     return x, v
-
-
-def wrench(t: float, frame: str, force, torque=(0.0, 0.0, 0.0)):
-    types = foreign.STORE.types
-    vectors = [types["geometry_msgs/msg/Vector3"](*map(float, a)) for a in (force, torque)]
-    acting = types["geometry_msgs/msg/Wrench"](*vectors)
-    return WRENCH, types[WRENCH](header=foreign.header(t, frame), wrench=acting)
 
 
 def attitude(t: float):
@@ -71,19 +62,15 @@ def poses(make=foreign.pose_stamped, topic: str = "/cart/pose", unit: float = 1.
 
 def pushes(topic: str = "/cart/push", frame: str = "map", part: float = 1.0):
     both = zip(AT, FORCE, strict=True)
-    return [(t, topic, *wrench(t, frame, [part * force, 0.0, 0.0])) for t, force in both]
+    return [
+        (t, topic, *foreign.wrench_stamped(t, frame, [part * force, 0.0, 0.0])) for t, force in both
+    ]
 
 
 def write(folder: Path, *streams, plugin=StoragePlugin.SQLITE3) -> Path:
     """A bag of (t, topic, type, message), in the order of their times."""
-    with Writer(folder, version=9, storage_plugin=plugin) as writer:
-        connections = {}
-        for t, topic, kind, message in sorted(sum(streams, []), key=lambda entry: entry[0]):
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=foreign.STORE)
-            data = bytes(foreign.STORE.serialize_cdr(message, kind))
-            writer.write(connections[topic], round((foreign.EPOCH + t) * 1e9), data)
-    return folder
+    entries = sorted(sum(streams, []), key=lambda entry: entry[0])
+    return foreign.record(folder, entries, plugin)
 
 
 def scene(folder: Path, mass: float = M, turning: bool = True, **more) -> str:
@@ -162,7 +149,7 @@ def test_wrenches_without_a_header_act_at_the_time_of_the_log(tmp_path):
 def test_a_command_in_the_axes_of_the_body_turns_with_it(tmp_path):
     """A force along its own x, and a moment about its z, which makes it spin faster."""
     scene_of_body = scene(tmp_path)
-    torque = [(0.3, "/push", *wrench(0.3, "cart", [0, 0, 0], [0, 0, 0.05]))]
+    torque = [(0.3, "/push", *foreign.wrench_stamped(0.3, "cart", [0, 0, 0], [0, 0, 0.05]))]
     turns = [SPIN * t + 0.5 * (0.05 / 0.1) * max(0.0, t - 0.3) ** 2 for t in T]
     (x0,), (v0,) = along(T[:1])
     there = [(t, "/cart/pose", *foreign.pose_stamped(
@@ -170,23 +157,20 @@ def test_a_command_in_the_axes_of_the_body_turns_with_it(tmp_path):
         for t, a in zip(T, turns, strict=True)]  # fmt: skip
     found = compare(write(tmp_path / "bag", there, torque), scene_of_body)
     assert max(series["angle"].max() for series in found.series.values()) < 1e-6
-    forward = [(0.3, "/push", *wrench(0.3, "cart", [1.0, 0, 0]))]
+    forward = [(0.3, "/push", *foreign.wrench_stamped(0.3, "cart", [1.0, 0, 0]))]
     found = compare(write(tmp_path / "other", poses(), forward), scene_of_body)
     assert largest(found) > 0.01
 
 
 def fixed(child: str, p, q, parent: str = "cart"):
-    kind, message = foreign.tf(0.0, p, q, child)
-    message.transforms[0].header.frame_id = parent
-    del message.transforms[1]
-    return [(0.0, "/tf_static", kind, message)]
+    return [(0.0, "/tf_static", *foreign.transforms(0.0, (parent, child, p, q)))]
 
 
 def test_a_wrench_in_a_frame_that_is_fixed_to_the_body_is_carried_over_to_its_origin(tmp_path):
     """A thruster 0.2 m beside the origin that pushes along the body's y: force and moment."""
     turn = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
-    thrust = [(0.3, "/thrust", *wrench(0.3, "nozzle", [0.5, 0.0, 0.0]))]
-    same = [(0.3, "/same", *wrench(0.3, "cart", [0.0, 0.5, 0.0], [0.0, 0.0, 0.1]))]
+    thrust = [(0.3, "/thrust", *foreign.wrench_stamped(0.3, "nozzle", [0.5, 0.0, 0.0]))]
+    same = [(0.3, "/same", *foreign.wrench_stamped(0.3, "cart", [0.0, 0.5, 0.0], [0.0, 0.0, 0.1]))]
     where = fixed("nozzle", [0.2, 0.0, 0.0], turn)
     bag = write(tmp_path / "bag", poses(), where, thrust, same)
     with pytest.raises(RbSimError, match="/thrust and /same act on cart: .* --wrench TOPIC"):
@@ -213,7 +197,7 @@ def test_a_topic_whose_commands_change_their_axes_is_one_command(tmp_path):
     there = [(t, "/cart/pose", *foreign.pose_stamped(t, [x[k], 0, 0], [0, 0, 0, 1]))
              for k, t in enumerate(T)]  # fmt: skip
     frames = ("map", "cart", "map", "cart")
-    mixed = [(t, "/cart/push", *wrench(t, frame, [f, 0, 0]))
+    mixed = [(t, "/cart/push", *foreign.wrench_stamped(t, frame, [f, 0, 0]))
              for t, f, frame in zip(AT, FORCE, frames, strict=True)]  # fmt: skip
     bag = write(tmp_path / "bag", there, mixed)
     assert largest(compare(bag, scene(tmp_path, turning=False))) < STAMP
@@ -293,16 +277,7 @@ def test_the_bound_of_a_wrong_model_is_exceeded(tmp_path, capsys):
 
 def test_a_bag_with_schemas_of_the_mcap_library(tmp_path):
     """Without metadata.yaml, in one file."""
-    with (tmp_path / "x.mcap").open("wb") as file:
-        writer = McapWriter(file)
-        writer.start(profile="ros2", library="somebody")
-        channels = {}
+    with foreign.writing(tmp_path / "x.mcap") as bag:
         for t, topic, kind, message in [*pushes()[:1], *poses(), *pushes()[1:]]:
-            if topic not in channels:
-                schema = writer.register_schema(kind, "ros2msg", b"")
-                channels[topic] = writer.register_channel(topic, "cdr", schema)
-            stamp = round((foreign.EPOCH + t) * 1e9)
-            data = bytes(foreign.STORE.serialize_cdr(message, kind))
-            writer.add_message(channels[topic], stamp, data, stamp)
-        writer.finish()
+            bag.add(topic, kind, message, t)
     assert largest(compare(tmp_path / "x.mcap", scene(tmp_path))) < STAMP

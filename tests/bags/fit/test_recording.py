@@ -18,8 +18,10 @@ import pytest
 
 from rb_sim.base.errors import RbSimError
 from rb_sim.cli.verbs.fit import FitOptions, fit, set_up
+from tests.bags.analysis.foreign import pose_stamped as pose
+from tests.bags.analysis.foreign import writing
 from tests.bags.analysis.test_balances import with_wrenches
-from tests.bags.analysis.test_foreign import POSE, P, Q, T, pose, writing
+from tests.bags.analysis.test_foreign import P, Q, T
 
 TWO = """\
 bodies:
@@ -37,7 +39,7 @@ def options(folder: Path, topics: tuple[str, ...]) -> FitOptions:
             for topic in topics:
                 speed = 2.0 if "a" in topic.split("/") else 3.0
                 aside = 0.1 * ("odom" in topic)
-                bag.add(topic, POSE, pose(t, P[0] * 0.0 + [speed * t, aside, 0.0], Q[0]), t)
+                bag.add(topic, *pose(t, P[0] * 0.0 + [speed * t, aside, 0.0], Q[0]), t)
     return FitOptions(
         folder / "x.mcap", ["bodies.a.linear_velocity"], scene=str(scene), as_json=True
     )

@@ -158,7 +158,7 @@ def test_a_law_cut_into_pieces_is_the_same_law():
     for piece in (10_000, 100, 7):
         pieces = emit.Pieces(outputs, piece)
         law = machine.load(
-            [machine._compile(text) for text in emit.modules(pieces, machine.pointer_type())],
+            [machine._compile(text) for text in emit.modules(pieces)],
             {f.name: f.address() for f in pieces.externals},
             pieces.externals,
         )

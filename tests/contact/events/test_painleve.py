@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from rb_sim import Simulation, load_scene
 from rb_sim.base.errors import RbSimError
-from rb_sim.contact.events.instant import Instant, bring_back, leap, stopping_impulse
+from rb_sim.contact.events.instant import Instant, bring_back, leap
 from rb_sim.mechanics.contact.contact_bodies import GAP, GAP_RATE
 from tests.contact.scenes import G, ball, scene, touch
 from tests.contact_runs import contact_run
@@ -108,35 +108,27 @@ def test_a_ball_jams_though_no_step_comes_down_to_the_vanishing_pivot() -> None:
     assert run.balance() < 1e-9
 
 
-# The impulse process of a contact that jams, beside what follows by hand in a plane.
-
-
-NORMAL, COUPLED, ALONG = 1.0, 0.9, 1.0
-SLIP, FRICTION = 2.0, 1.5
-"""Friction drives the contact in: NORMAL - FRICTION COUPLED < 0."""
-
-
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
-@pytest.mark.parametrize("turned", [0.0, 2.0])
-def test_poissons_e_gives_back_its_share_of_the_compression(
-    restitution: float, turned: float
-) -> None:
-    """The slip falls by FRICTION ALONG - COUPLED for each unit of normal impulse and ends; stuck,
-    the contact rises by NORMAL - COUPLED^2 / ALONG for each until it is back at rest; e times the
-    impulse of both is given back, stuck as well."""
-    d = np.array([np.cos(turned), np.sin(turned)])
-    A = np.block(
-        [[np.array([[NORMAL]]), COUPLED * d[None]], [COUPLED * d[:, None], ALONG * np.eye(2)]]
-    )
-    x = stopping_impulse(A, np.array([0.0, *(SLIP * d)]), FRICTION, restitution)
-    assert x is not None
-    slipping = SLIP / (FRICTION * ALONG - COUPLED)
-    rise = NORMAL - COUPLED**2 / ALONG
-    stuck = slipping * (FRICTION * COUPLED - NORMAL) / rise
-    after = A @ x + [0.0, *(SLIP * d)]
-    np.testing.assert_allclose(x[0], (1.0 + restitution) * (slipping + stuck), rtol=1e-9)
-    np.testing.assert_allclose(after[0], restitution * (slipping + stuck) * rise, atol=1e-9)
-    np.testing.assert_allclose(after[1:], 0.0, atol=1e-9)
+def test_poissons_e_gives_back_its_share_of_the_compression(restitution: float) -> None:
+    """Per unit of normal impulse the slip falls by FRICTION ALONG - COUPLED and ends; stuck, the
+    contact rises by NORMAL - COUPLED^2 / ALONG until it is back at rest; e times the impulse of
+    both is given back, stuck as well."""
+    mapping = yaml.safe_load(ROD.read_text(encoding="utf-8"))
+    mapping["constraints"]["floor"]["restitution"] = restitution
+    (jam,) = contact_run(mapping, [0.0, 0.02], tolerance=1e-12).times("jams")
+    found = contact_run(mapping, [jam - 1e-9, jam + 1e-9], tolerance=1e-12)
+    run, (impulse,) = found.trajectory, [e.impulse for e in found.events if e.kind == "jams"]
+    p, v, w = run.position["rod"], run.linear_velocity["rod"], run.angular_velocity["rod"]
+    height, ahead = p[0, 2], math.sqrt(HALF**2 - p[0, 2] ** 2)
+    normal, along = 1.0 + ahead**2 / INERTIA, 1.0 + height**2 / INERTIA
+    coupled, slip = ahead * height / INERTIA, abs(v[0, 0] - w[0, 1] * height)
+    slipping = slip / (MU * along - coupled)
+    rise = normal - coupled**2 / along
+    stuck = slipping * (MU * coupled - normal) / rise
+    np.testing.assert_allclose(impulse[2], (1.0 + restitution) * (slipping + stuck), rtol=1e-5)
+    rises = v[1, 2] + w[1, 1] * ahead
+    np.testing.assert_allclose(rises, restitution * (slipping + stuck) * rise, atol=1e-5)
+    np.testing.assert_allclose(v[1, 0] - w[1, 1] * height, 0.0, atol=1e-6)
 
 
 # A step of impulses books the work of every contact force.
