@@ -31,7 +31,8 @@ for (const kind of ["error", "warn"]) console[kind] = (...what) => complaints.pu
 
 def dom_of(page: Path, *options: str) -> str:
     """The page's DOM after its scripts have run; skips the test without Chromium."""
-    chromium = next((c for c in ("chromium", "chromium-browser") if shutil.which(c)), None)
+    names = ("chromium", "chromium-browser", "google-chrome")
+    chromium = next((name for name in names if shutil.which(name)), None)
     if chromium is None:
         pytest.skip("no chromium")
     command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom",

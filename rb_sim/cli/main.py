@@ -124,6 +124,11 @@ def _complain(error: Any) -> int:
         message = f"No such option: {error.option_name}{_nearest_option(error, context)}"
     if takers := _verbs_with(getattr(error, "option_name", None), context):
         message = f"{error.option_name}: must stand after the command ({', '.join(takers)})"
+    if message.startswith("Got unexpected extra argument") and context is not None:
+        given = [p for p in context.command.params if getattr(p, "multiple", False)]
+        message += "".join(
+            f"; {p.opts[0]} takes one value: repeat it" for p in given if context.params.get(p.name)
+        )
     verb = NO_COMMAND.fullmatch(message)
     if verb is not None and context is not None:  # older versions of typer suggest none
         near = get_close_matches(verb[1], context.command.list_commands(context), n=1)

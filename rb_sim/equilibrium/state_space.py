@@ -27,6 +27,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from scipy.linalg import matrix_balance, null_space, qr
 
+from rb_sim.base.names import first_few
 from rb_sim.base.palette import AXES, BAD, CYCLE, FAINT, GOOD, GRID, TEXT
 from rb_sim.base.rounding import COMPUTED_ROUNDING, WRITTEN_ROUNDING
 from rb_sim.mechanics.samples import Array
@@ -47,7 +48,7 @@ class Mode(NamedTuple):
     """the state with the largest component in the mode."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LinearModel:
     """Small deviations from a motion, in minimal coordinates on the constraint manifold.
 
@@ -74,6 +75,11 @@ class LinearModel:
     outputs: tuple[str, ...]
     """Names of the outputs, p: pose and twist of every body, then force [N] and torque [N m] of
     every reaction (world axes)."""
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        found = first_few([f"{value:.4g}" for value in self.eigenvalues], most=8)
+        return f"<LinearModel at t = {self.t:g} s: {sizes}; eigenvalues {found or 'none'} 1/s>"
 
     @property
     def eigenvalues(self) -> np.ndarray:

@@ -250,8 +250,10 @@ class Commands:
         finite or exceeds STRONGEST.
         """
         if body not in self._effects:
-            allowed = ", ".join(self._held) or "none (no commanded_wrench effect)"
-            raise RbSimError(f"body: got {body!r}; bodies that take a command: {allowed}")
+            allowed = f": {', '.join(self._held)}" if self._held else ", and the scene has none"
+            raise RbSimError(
+                f"body: got {body!r}; must be a body with an effect commanded_wrench{allowed}"
+            )
         if frame not in ("world", "body"):
             raise RbSimError(f"frame: got {frame!r}; must be 'world' or 'body'")
         wrench = _vector("force", force), _vector("torque", torque)

@@ -177,14 +177,14 @@ def test_a_run_that_ends_early_is_explained_up_to_there() -> None:
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ([("fixed_axis", 5)], "5 constraint rows, "),
+        ([("fixed_axis", 5)], "5 constraint equations, "),
         (
             [("contact", 3)],
-            " of the start, 3 constraint rows of closed contacts,",
+            " of the start, 3 constraint equations of closed contacts,",
         ),
         (
             [("weld", 6), ("contact", 3), ("string", 1)],
-            " 6 constraint rows and 4 of closed contacts,",
+            " 6 constraint equations and 4 of closed contacts,",
         ),
     ],
     ids=str,

@@ -91,6 +91,10 @@ def test_bad_scene(name, tmp_path):
             "error: --set: got 'a'; must be KEY=VALUE, e.g.",
         ),
         (
+            ("fit", "bag", "--free", "bodies.a.mass", "bodies.a.inertia"),
+            "error: Got unexpected extra argument (bodies.a.inertia); --free takes one value: ",
+        ),
+        (
             ("run", "a.yaml", "b.yaml"),
             "error: Got unexpected extra argument (b.yaml); see rb_sim run --help",
         ),

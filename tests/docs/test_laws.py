@@ -94,6 +94,12 @@ def words_in(schema: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("kind", SPECS)
+def test_the_overview_has_a_whole_sentence(kind):
+    """Not the first of two lines."""
+    assert (SPECS[kind].__doc__ or "").splitlines()[0].endswith(".")
+
+
+@pytest.mark.parametrize("kind", SPECS)
 def test_scenes_md_says_which_keys_are_optional(kind):
     text = (FOLDER.parent / "scenes.md").read_text(encoding="utf-8")
     (row,) = [row for row in text.splitlines() if row.startswith(f"| `{kind}` |")]

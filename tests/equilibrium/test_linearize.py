@@ -69,6 +69,8 @@ def test_an_inverted_pendulum_falls_at_the_root_of_m_g_l_by_its_inertia() -> Non
     np.testing.assert_allclose(found.eigenvalues, [rate, -rate], rtol=1e-13)
     assert found.states == ("top/angle_y", "top/spin_y")
     assert found.modes[0].damping == -1.0
+    poles = f"eigenvalues {rate:.4g}+0j, {-rate:.4g}+0j 1/s>"
+    assert repr(found).startswith("<LinearModel at t = 0 s: 2 states, ") and poles in repr(found)
 
 
 def disk(lean: float, yaw: float) -> tuple[dict[str, Any], float]:

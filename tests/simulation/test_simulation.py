@@ -113,6 +113,15 @@ PUSHED = {
 }
 
 
+@pytest.mark.parametrize(
+    ("scene", "words"), [(DROPPED, "commanded_wrench, and the scene has none$"), (PUSHED, ": b$")]
+)
+def test_a_command_to_a_body_that_takes_none_names_those_that_do(scene, words):
+    simulation = Simulation(scene, announce=None)
+    with pytest.raises(RbSimError, match=f"^body: got 'c'; must be a body with an .*{words}"):
+        simulation.apply_wrench("c", (0.0, 0.0, 0.0))
+
+
 def _events_later():
     simulation = Simulation(PUSHED, announce=None)
     simulation.apply_wrench("b", (0.0, 0.0, -G), (0.0, 0.0, 0.0))

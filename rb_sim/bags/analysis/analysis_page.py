@@ -317,7 +317,7 @@ def tables(found: Analysis) -> list[Table]:
         for what, unit, row in judged(found)
     ]
     heads = ["source", "kind", "readings", "rate [Hz]", "jitter [ms]", "gaps", "longest [s]"]
-    about_balances = ["balance", "left", "of", "sampling error", "noise up to"]
+    about_balances = ["balance", "error", "relative to", "sampling error", "noise"]
     dynamics = "Inverse dynamics against recorded wrenches: RMS difference"
     about_errors = ["constraint", "error of", "largest", "at [s]"]
     made = [

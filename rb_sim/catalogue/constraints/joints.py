@@ -168,8 +168,7 @@ class CurveGuide(Spec):
 
 
 class Translation(Spec):
-    """The body keeps its attitude; with a `guide`, point_B stays on it. One reaction about
-    point_B."""
+    """The body does not turn, and point_B stays on the `guide` if given; reaction about point_B."""
 
     type: Literal["translation"]
     body: Name

@@ -91,7 +91,7 @@ def print_explanation(result: Explanation, console: Console) -> None:
     table = Table(title="Measured cost of a step", title_justify="left")
     for heading in ("", "type", "on"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("rows", "ns per step", "±"):
+    for heading in ("equations", "ns per step", "±"):
         table.add_column(heading, justify="right", no_wrap=True)
     _add_items(table, result.constraints)
     _add_items(table, result.effects)
@@ -125,11 +125,11 @@ def opening(result: Explanation) -> int:
 def rows_of(result: Explanation) -> str:
     """Text of the number of constraint rows; those of closed contacts separately."""
     more = opening(result)
-    rows = counted(result.rows - more, "constraint row")
+    rows = counted(result.rows - more, "constraint equation")
     if not more:
         return rows
     if result.rows == more:
-        return f"{counted(more, 'constraint row')} of closed contacts"
+        return f"{counted(more, 'constraint equation')} of closed contacts"
     return f"{rows} and {more} of closed contacts"
 
 
