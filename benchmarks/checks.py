@@ -149,7 +149,7 @@ def shipped(runs: int) -> None:
     """Print what the runs of all shipped scenes take together, without checks and with them."""
     simulations = [Simulation(scene.name, announce=None) for scene in scenes()]
     ways: dict[str, dict[str, Any]] = {
-        "run(watched=False)": {"watched": False}, "run(check=False)": {"check": False}, "run()": {},
+        "run(checks=False)": {"watched": False}, "run(check=False)": {"check": False}, "run()": {},
     }  # fmt: skip
     for way, given in ways.items():
         taken = []

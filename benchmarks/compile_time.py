@@ -110,7 +110,7 @@ taken = [time.process_time() - began]
 for _ in range(4):
     simulation.reset()
     began = time.process_time()
-    simulation.run(0.2, watched=False)
+    simulation.run(0.2, checks=False)
     taken.append(time.process_time() - began)
 print(taken[0], min(taken[1:]))
 """

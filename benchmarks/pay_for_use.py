@@ -225,7 +225,7 @@ def cost_of_sinks() -> tuple[float, float, float]:
     duration, rate = 2.0, 100.0
 
     def with_run() -> None:
-        simulation.run(duration, rate, watched=False)
+        simulation.run(duration, rate, checks=False)
 
     def by_blocks() -> None:
         for _ in simulation.blocks(duration, rate):

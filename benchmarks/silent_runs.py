@@ -97,7 +97,7 @@ def truth_of(
     began = time.process_time()
     tight = {"method": "dopri853", "tolerance": 1e-12}
     try:
-        run, simulation = ran(scene, tight, watched=False)
+        run, simulation = ran(scene, tight, checks=False)
     except (RbSimError, ArithmeticError):
         counts["scenes without a tight run"] += 1
         return None
@@ -109,7 +109,7 @@ def truth_of(
             print(f"tight: {kind}, error {error:.2g}", flush=True)
         return known, simulation
     try:
-        other, _ = ran(scene, tight | {"tolerance": 1e-11}, watched=False)
+        other, _ = ran(scene, tight | {"tolerance": 1e-11}, checks=False)
         slow = time.process_time() - began > SLOWEST
         if not slow and difference(other, poses_of(run.block), simulation) <= SAME:
             return poses_of(run.block), simulation
@@ -159,7 +159,7 @@ def judged(
         for name in names:
             counts[name] += 1
             counts[f"{name}, {'silent' if silent else 'reported'}"] += 1
-            for watch in {finding.watch for finding in run.findings}:
+            for watch in {finding.check for finding in run.findings}:
                 counts[f"{name}, reported by {watch}"] += 1
                 counts[f"{name}, reported by {watch} alone"] += len(run.findings) == 1
         if silent and error > WRONG:

@@ -51,4 +51,4 @@ def trajectory(scene: dict[str, Any], coordinates: str = "auto", **options: Any)
 
 
 def _trajectory(scene: dict[str, Any], coordinates: str, options: dict[str, Any]) -> Any:
-    return runs.trajectory(scene, coordinates, watched=False, **options)
+    return runs.trajectory(scene, coordinates, checks=False, **options)

@@ -24,4 +24,4 @@ def trajectory(
     from rb_sim import Simulation, load_scene
 
     mapping = scene | {"simulation": scene.get("simulation", {}) | options}
-    return Simulation(load_scene(mapping), coordinates=coordinates).run(watched=watched).block
+    return Simulation(load_scene(mapping), coordinates=coordinates).run(checks=watched).block

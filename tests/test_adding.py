@@ -190,7 +190,7 @@ def test_a_sink(setting: dict[str, Any]) -> None:
 @pytest.mark.parametrize("setting", [EVENTS, STEPS])
 def test_a_check(setting: dict[str, Any]) -> None:
     """A slab at 1 m/s passes 0.505 m between two samples, one at 0.4 m/s does not."""
-    (finding,) = [one for one in run(slab(**setting)).findings if one.watch == "leash"]
+    (finding,) = [one for one in run(slab(**setting)).findings if one.check == "leash"]
     assert finding.where == "slab" and finding.t == pytest.approx(0.51)
     assert finding.figure == pytest.approx(0.51, rel=1e-9)
-    assert "leash" not in {one.watch for one in run(slab(speed=0.4, **setting)).findings}
+    assert "leash" not in {one.check for one in run(slab(speed=0.4, **setting)).findings}

@@ -303,7 +303,7 @@ def test_what_is_off_is_not_even_called(tmp_path: Path) -> None:
         if event == "call":
             homes.add(frame.f_code.co_filename)
     sys.setprofile(note)
-    simulation.run(1.0, 100.0, watched=False)
+    simulation.run(1.0, 100.0, checks=False)
     sys.setprofile(None)
     print(json.dumps(sorted(homes)))
     """

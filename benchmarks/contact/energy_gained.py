@@ -35,7 +35,7 @@ def gain(seed: int, number: int, step: float, supports: Sequence[str] = SUPPORTS
     mapping["simulation"] |= {"method": "time_stepping", "step": step, "rate": 1.0 / step}
     try:
         simulation = Simulation(load_scene(mapping), announce=None)
-        run = simulation.run(watched=False)
+        run = simulation.run(checks=False)
     except RbSimError:
         return None
     block, potential = run.block, run.block.potential_energy

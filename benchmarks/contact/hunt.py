@@ -70,7 +70,7 @@ def seldom(mapping: dict[str, Any], often: Any) -> list[str]:
         return []
     rate = own.get("rate", len(often.t) / often.t[-1])
     rarely = mapping | {"simulation": own | {"rate": rate * SELDOM}}
-    again = run(rarely, lambda simulation: simulation.run(watched=False))
+    again = run(rarely, lambda simulation: simulation.run(checks=False))
     if isinstance(again, str):
         return [f"with few samples {again}"]
     apart = np.abs(again.block.position[-1] - often.block.position[-1]).max()

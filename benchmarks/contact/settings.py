@@ -98,7 +98,7 @@ def moved(mapping: Options, file: Path, beside: bool) -> str:
         return "fine"
     with np.load(file) as reference:
         error = error_of(found.block, reference)
-    return "error: " + json.dumps([error, [f.watch for f in found.findings]])
+    return "error: " + json.dumps([error, [f.check for f in found.findings]])
 
 
 def verdict(text: str, options: Options) -> tuple[str, str]:

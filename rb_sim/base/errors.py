@@ -237,7 +237,7 @@ CHECKS: dict[str, Check] = {
 class Finding(NamedTuple):
     """Loss of accuracy found by a check; each check reports its first one."""
 
-    watch: str
+    check: str
     """name of the check, a key of CHECKS."""
     t: float
     """simulated time of the first sample beyond the bound [s]."""
@@ -267,7 +267,7 @@ class Finding(NamedTuple):
         unit = f" {unit}" if unit else ""
         figure = f"{self.figure:.2g}{unit}" if math.isfinite(self.figure) else "not finite"
         return (
-            f"{self.watch}: {quantity} is {figure} (limit {self.bound:.2g}{unit}) "
+            f"{self.check}: {quantity} is {figure} (limit {self.bound:.2g}{unit}) "
             f"at t = {self.t:.6g} s{place}"
         )
 

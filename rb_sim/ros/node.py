@@ -120,7 +120,7 @@ class Diagnostics:
             "behind the wall clock [s]": f"{self._monitored.pacer.slipped:.6f}",
             **self._step_values(),
             **{name: str(count) for name, count in self._counters().items()},
-            **{f"warning, {finding.watch}": str(finding) for finding in self._found},
+            **{f"warning, {finding.check}": str(finding) for finding in self._found},
         }
 
     def _notice_others(self) -> None:

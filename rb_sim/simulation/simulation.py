@@ -200,7 +200,7 @@ class Simulation(SceneInMotion):
         *,
         at: Sequence[float] | Array | None = None,
         events: bool = False,
-        watched: bool = True,
+        checks: bool = True,
         check: bool | None = None,
     ) -> Trajectory:
         """Integrate from the present time and sample, both ends included.
@@ -217,11 +217,11 @@ class Simulation(SceneInMotion):
             at: Instants to sample at [s] instead, increasing, from the present time on.
             events: Also sample just before and just after each event of a contact, for
                 `Trajectory.at_events`. The motion since the start is computed a second time for it.
-            watched: Run the accuracy checks; each that fails is an AccuracyWarning and among
+            checks: Run the accuracy checks; each that fails is an AccuracyWarning and among
                 `Trajectory.findings`.
             check: Measure `Trajectory.global_error` by a second run at 0.62 of the step or a tenth
                 of the tolerance (fixed steps with contacts: of dopri853 by events). None: if
-                `watched`; of runs above about 1 s of CPU time first a coarser one, above 20 s only
+                `checks`; of runs above about 1 s of CPU time first a coarser one, above 20 s only
                 of the beginning.
 
         Raises:
@@ -237,9 +237,9 @@ class Simulation(SceneInMotion):
             sink.open(self.scene, self.layout)
         blocks: list[SampleBlock] = []
         made = self._blocks_at(times)
-        watched = watched and not self._is_trial
+        checks = checks and not self._is_trial
         checked = None
-        if watched or check:
+        if checks or check:
             checked = CheckedSamples(self, made, second=check is not False)
         error = None
         try:
@@ -252,9 +252,9 @@ class Simulation(SceneInMotion):
             if checked is not None:
                 error = checked.compare_again(check)
         finally:
-            if checked is not None and watched:
+            if checked is not None and checks:
                 checked.warn()
-        findings = checked.findings if checked is not None and watched else ()
+        findings = checked.findings if checked is not None and checks else ()
         return self._trajectory(blocks, findings, error)
 
     def _instants(

@@ -113,7 +113,7 @@ class Trajectory(Record):
         if self.global_error is not None:
             parts.append(f"global error {self.global_error}")
         if self.findings:
-            lost = ", ".join(dict.fromkeys(finding.watch for finding in self.findings))
+            lost = ", ".join(dict.fromkeys(finding.check for finding in self.findings))
             parts.append(f"accuracy lost ({lost})")
         return f"<Trajectory{name}: {'; '.join(part for part in parts if part)}>"
 

@@ -61,7 +61,7 @@ def true_error(name: str, simulation: Simulation) -> float:
     """Largest pose error [rad, m] over the scene, at the reference's instants."""
     times, position, quaternion = truth(name)
     rate = (len(times) - 1) / float(times[-1])
-    own = simulation.run(float(times[-1]), rate, watched=False)
+    own = simulation.run(float(times[-1]), rate, checks=False)
     (body,) = simulation.layout.bodies
     assert np.abs(own.t - times).max() < 1e-9
     pose = own.position[body], own.orientation[body]
@@ -259,7 +259,7 @@ def test_a_decay_too_fast_for_fixed_steps_is_checked_by_an_adaptive_method() -> 
     sharp = Simulation(
         load_scene(OILED | {"simulation": options | {"method": "dopri853", "tolerance": 1e-12}})
     )
-    run, true = (each.run(watched=False).block for each in (simulation, sharp))
+    run, true = (each.run(checks=False).block for each in (simulation, sharp))
     assert np.abs(run.position - true.position).max() <= 1e-4
     assert float(angle_between(run.orientation, true.orientation).max()) <= 1e-4
 
@@ -292,12 +292,12 @@ def test_a_body_that_passes_its_anchor_is_right_at_a_loose_target() -> None:
     loose = Simulation(scene_from_mapping(mapping)).choice
     assert loose is not None and loose.reached
     mapping["simulation"] |= {"method": "dopri853", "tolerance": 1e-14}
-    true = Simulation(scene_from_mapping(mapping)).run(watched=False)
+    true = Simulation(scene_from_mapping(mapping)).run(checks=False)
     mapping["simulation"] = {**mapping["simulation"], "method": loose.method}
     del mapping["simulation"]["tolerance"]
     knob = {"step": loose.step} if loose.step is not None else {"tolerance": loose.tolerance}
     own = Simulation(scene_from_mapping({**mapping, "simulation": mapping["simulation"] | knob}))
-    found = own.run(watched=False)
+    found = own.run(checks=False)
     pose = found.position["a"], found.orientation["a"]
     assert pose_error(*pose, true.position["a"], true.orientation["a"]).max() <= 1e-3
 
@@ -406,7 +406,7 @@ def test_the_true_error_stays_under_the_target_on_a_scene_in_contact(target: flo
     simulation = Simulation(shipped("turntable", method="auto", tolerance=target))
     choice, exact = simulation.choice, closed_form(simulation.compiled)
     assert choice is not None and choice.reached and exact is not None
-    own = simulation.run(14.7, 20.0, watched=False)
+    own = simulation.run(14.7, 20.0, checks=False)
     y = exact.coordinates(own.t)
     pose = own.position["ball"], own.orientation["ball"]
     assert pose_error(*pose, y[:, 0:3], y[:, 3:7]).max() <= target

@@ -63,7 +63,7 @@ def certified(
     scene = load_scene(mapping | {"simulation": span | options})
     simulation = Simulation(scene)
     found = certify(simulation.compiled, simulation.setting, scene.simulation, times)
-    return found, simulation.run(at=times, watched=False)
+    return found, simulation.run(at=times, checks=False)
 
 
 def judge(certificate: Certificate, true: list[np.ndarray], largest: list[float]) -> None:
@@ -344,7 +344,7 @@ def test_steps_that_agree_on_an_impact_that_none_of_them_tells() -> None:
     times = np.linspace(0.0, 0.6, 121)
     found, run = certified(scene, times, method="time_stepping", step=1e-4)
     span = {"duration": 0.6, "method": "dopri853", "tolerance": 1e-11}
-    true = Simulation(load_scene(scene | {"simulation": span})).run(at=times, watched=False)
+    true = Simulation(load_scene(scene | {"simulation": span})).run(at=times, checks=False)
     assert run.energy[-1] < 0.1 * run.energy[0] and true.energy[-1] > 0.7 * true.energy[0]
     off = np.linalg.norm(run.position["disk"] - true.position["disk"], axis=1)
     assert off.max() > 0.1

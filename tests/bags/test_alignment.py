@@ -22,7 +22,7 @@ from rb_sim.bags.tracks import Track, Tracks, tracks_of_blocks
 
 def bounced(rate: float) -> Tracks:
     simulation = Simulation(load_scene("bouncing_ball", duration=1.2, rate=rate))
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     return tracks_of_blocks([block], simulation.scene, simulation.layout, "ball")
 
 

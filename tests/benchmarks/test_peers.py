@@ -221,7 +221,7 @@ def test_an_engine_is_told_the_same_scene(engine: str, name: str) -> None:
     scene = load_scene(SCENES[name] | {"simulation": {"duration": 0.5, "rate": 10.0}})
     method = "TrapezoidalIndex2" if engine == "exudyn" else module.METHODS[0]
     rows = module.run(described(scene), method, 1e-3, 6, 100)
-    block = Simulation(scene, announce=None).run(watched=False).block
+    block = Simulation(scene, announce=None).run(checks=False).block
     columns = (block.position, block.orientation, block.linear_velocity, block.angular_velocity)
     ours = np.concatenate(columns, axis=2)
     sign = np.sign((rows[:, :, 3:7] * ours[:, :, 3:7]).sum(axis=2, keepdims=True))

@@ -392,14 +392,14 @@ def test_turns_stay_counted_over_a_command_and_in_a_run_that_goes_on(kind: str) 
 def test_the_linear_model_of_a_wound_spring_is_that_about_where_it_is() -> None:
     """The same stiffness about any angle, and the torque of all turns."""
     simulation = wound("reduced")
-    simulation.run(0.7, watched=False)
+    simulation.run(0.7, checks=False)
     values = simulation.linearize().eigenvalues
     assert_allclose(np.abs(values).max(), FREQUENCY, rtol=1e-6)
 
 
 def test_a_reset_counts_anew() -> None:
     simulation = wound("reduced")
-    first = simulation.run(1.0, watched=False)
+    first = simulation.run(1.0, checks=False)
     simulation.reset()
-    again = simulation.run(1.0, watched=False)
+    again = simulation.run(1.0, checks=False)
     assert_allclose(again.angular_velocity["wheel"], first.angular_velocity["wheel"], atol=1e-15)

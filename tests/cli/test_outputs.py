@@ -165,7 +165,7 @@ def _samples(text):
     from rb_sim import Simulation
 
     simulation = Simulation(load_scene(text, duration=0.1))
-    return simulation.run(watched=False).block, simulation.layout
+    return simulation.run(checks=False).block, simulation.layout
 
 
 def test_asked_for_but_nowhere_to_go(tmp_path):

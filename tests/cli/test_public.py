@@ -51,7 +51,7 @@ def bag(tmp_path: Path) -> Path:
     """Of a run of SPINNING."""
     sink, simulation = BagSink(tmp_path / "bag"), rb_sim.Simulation(rb_sim.load_scene(SPINNING))
     sink.open(simulation.scene, simulation.layout)
-    sink.write(simulation.run(watched=False).block)
+    sink.write(simulation.run(checks=False).block)
     sink.close()
     return tmp_path / "bag"
 

@@ -95,7 +95,7 @@ def map_more():
 map_more()
 from rb_sim import Simulation, load_scene
 for options in ({}, {"method": "time_stepping", "step": 1e-3}, {"method": "rk4", "step": 1e-3}):
-    Simulation(load_scene("dropped_box", duration=0.05, **options)).run(watched=False)
+    Simulation(load_scene("dropped_box", duration=0.05, **options)).run(checks=False)
     map_more()
 print("ran")
 """

@@ -100,7 +100,7 @@ def test_two_bodies_balance_whatever_the_law(law: str) -> None:
     """Momenta stay, energy changes by the work of the contact, which takes some, and each body
     moves by the forces and torques that are reported."""
     mapping = thrown(LAWS[law])
-    run = Simulation(load_scene(mapping)).run(watched=False)
+    run = Simulation(load_scene(mapping)).run(checks=False)
     for momentum in (run.momentum, run.angular_momentum):
         assert_allclose(momentum, np.tile(momentum[0], (len(run.t), 1)), atol=1e-9)
     change = run.energy - run.contact_work
@@ -114,9 +114,9 @@ def test_two_bodies_balance_whatever_the_law(law: str) -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_time_stepping_moves_them_as_events_do(law: str) -> None:
     """To first order of the step, at a few mm/s of 3 m/s; their momentum stays."""
-    exact = Simulation(load_scene(thrown(LAWS[law]))).run(watched=False)
+    exact = Simulation(load_scene(thrown(LAWS[law]))).run(checks=False)
     steps = {"method": "time_stepping", "step": 2.5e-4}
-    run = Simulation(load_scene(thrown(LAWS[law], **steps))).run(watched=False)
+    run = Simulation(load_scene(thrown(LAWS[law], **steps))).run(checks=False)
     for body in ("plate", "stone"):
         assert_allclose(run.position[body][-1], exact.position[body][-1], atol=1e-4)
         assert_allclose(run.linear_velocity[body][-1], exact.linear_velocity[body][-1], atol=2e-3)
@@ -159,12 +159,12 @@ def pieces(duration: float, events: list[Any]) -> np.ndarray:
 
 def momentum_error(scene: Scene, duration: float = DURATION) -> float:
     """Largest difference over the bodies of m dv and what was reported, over m g T + m |v|."""
-    events = Simulation(scene, announce=None).run(watched=False).events
+    events = Simulation(scene, announce=None).run(checks=False).events
     cuts = pieces(duration, events)
     start, width = cuts[:-1], np.diff(cuts)
     at = (start[:, None] + 0.5 * width[:, None] * (1.0 + NODES)).ravel()
     t = np.unique([0.0, *at, duration])
-    run = Simulation(scene, announce=None).run(at=t, watched=False)
+    run = Simulation(scene, announce=None).run(at=t, checks=False)
     rows, weights = np.searchsorted(t, at), (0.5 * width[:, None] * WEIGHTS).ravel()
     worst = 0.0
     for name, body in scene.bodies.items():

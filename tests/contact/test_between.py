@@ -44,7 +44,7 @@ def scene(bodies: Any, constraints: Any, effects: Any = WEIGHT, **options: Any) 
 
 
 def moved(mapping: dict[str, Any]) -> Trajectory:
-    return Simulation(load_scene(mapping), announce=None).run(watched=False)
+    return Simulation(load_scene(mapping), announce=None).run(checks=False)
 
 
 def tossed(seed: int, kinds: tuple[Any, ...]) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def test_a_column_bears_what_is_above_and_only_pairs_that_are_near_take_memory()
     bodies = {f"up{i}": ball([0.0, 0.0, 0.1 + 0.2 * i]) for i in range(12)}
     bodies |= {f"by{i}": ball([2.0 + i % 15, 2.0 + i // 15, 0.1]) for i in range(200)}
     simulation = Simulation(load_scene(scene(bodies, in_one_line(), duration=0.02)), announce=None)
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     for i in range(12):
         below = run.reaction[f"floor_up{i}"].force[-1] + run.reaction[f"heap_up{i}"].force[-1]
         assert below == pytest.approx([0.0, 0.0, 9.81], abs=1e-7)

@@ -155,7 +155,7 @@ def test_a_ball_in_the_floor_starts_on_it(rise: float) -> None:
     """z = r + v t - g t^2 / 2 from there; what falls bounces at once."""
     bodies = {"b": BALL_START | {"position": [0.0, 0.0, 0.05], "linear_velocity": [0.0, 0.0, rise]}}
     floor = {"floor": {"type": "contact", "body": "b", "restitution": 0.5}}
-    found = Simulation(scene_of_start(bodies, floor)).run(watched=False)
+    found = Simulation(scene_of_start(bodies, floor)).run(checks=False)
     v = 1.0 if rise > 0.0 else 0.5
     expected = 0.1 + v * found.t - 0.5 * G * found.t**2
     np.testing.assert_allclose(found.position["b"][:, 2], expected, rtol=0.0, atol=1e-11)
@@ -171,7 +171,7 @@ def test_a_string_that_starts_too_long_draws_its_ends_together() -> None:
     }
     rope = {"type": "string", "body": "b", "parent": "a", "point_A": [0.0] * 3, "length": 0.5}
     rope |= {"restitution": 0.5}
-    found = Simulation(scene_of_start(bodies, {"rope": rope}, gravity=0.0)).run(watched=False)
+    found = Simulation(scene_of_start(bodies, {"rope": rope}, gravity=0.0)).run(checks=False)
     centre, apart = 0.2 + 0.25 * found.t, 0.5 - 0.5 * found.t
     np.testing.assert_allclose(found.position["a"][:, 0], centre - 0.25 * apart, atol=1e-12)
     np.testing.assert_allclose(found.position["b"][:, 0], centre + 0.75 * apart, atol=1e-12)
@@ -191,7 +191,7 @@ def test_the_joints_hold_while_bodies_are_moved_apart() -> None:
         "arm": arm,
         "wall": {"type": "contact", "body": "b", "surface": wall, "restitution": 1.0},
     }
-    found = Simulation(scene_of_start({"b": ball}, constraints)).run(watched=False)
+    found = Simulation(scene_of_start({"b": ball}, constraints)).run(checks=False)
     p = found.position["b"]
     np.testing.assert_allclose(np.linalg.norm(p, axis=1), 0.4, rtol=0.0, atol=1e-10)
     assert p[0, 0] == pytest.approx(0.2, abs=1e-12)
@@ -241,7 +241,7 @@ def test_a_start_that_overlaps_or_grazes_by_rounding_touches(method: str, gap: f
         }
         options = SETTINGS[method] | {"duration": 0.2}
         found = Simulation(scene_of_start(bodies, contact, gravity=gravity, **options)).run(
-            watched=False
+            checks=False
         )
         velocity = found.linear_velocity["b"][-1, [0, 2]]
         np.testing.assert_allclose(velocity, expected, rtol=0.0, atol=1e-9)

@@ -359,7 +359,7 @@ def test_the_low_point_runs_round_the_rim(missed: float, turn: Rotation, setting
 @pytest.mark.parametrize("missed", [0.0, 2e-11])
 def test_a_disk_that_misses_flat_by_nothing_slams(missed: float, turn: Rotation) -> None:
     """All its energy is lost as its other side strikes without rebound."""
-    run = Simulation(falling(missed, turn)).run(watched=False)
+    run = Simulation(falling(missed, turn)).run(checks=False)
     assert "impact" in {event.kind for event in run.events}
     assert np.abs(lean_of(run, turn)[-1]).max() < 1e-9
     assert abs(run.energy[-1]) < 1e-12 * run.energy[0]
@@ -383,7 +383,7 @@ def test_a_cylinder_that_falls_nearly_flat_makes_no_energy(viscous: float) -> No
         "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
         "simulation": {"duration": 0.02, "rate": 1e4, "project_initial": True},
     }  # fmt: skip
-    run = Simulation(scene).run(watched=False)
+    run = Simulation(scene).run(checks=False)
     assert (np.diff(run.energy) <= 1e-9 * run.energy[0]).all()
 
 

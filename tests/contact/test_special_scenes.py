@@ -119,8 +119,8 @@ def jamming_rod(size: float) -> dict[str, Any]:
 @pytest.mark.parametrize("size", [1e-9, 1e3])
 def test_a_rod_that_jams(size: float) -> None:
     """The impulse that resolves the paradox, and the flight after it."""
-    run = Simulation(load_scene(jamming_rod(size))).run(watched=False)
-    metre = Simulation(load_scene(jamming_rod(1.0))).run(watched=False)
+    run = Simulation(load_scene(jamming_rod(size))).run(checks=False)
+    metre = Simulation(load_scene(jamming_rod(1.0))).run(checks=False)
     of_metre, of_size = ([e.kind for e in each.events] for each in (metre, run))
     assert of_size == of_metre and "jams" in of_metre
     one, other = (

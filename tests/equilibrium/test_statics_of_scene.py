@@ -241,7 +241,7 @@ def test_a_distance_is_pulled_from_above_and_pushed_from_below(end: Any, pull: f
 def test_the_short_form_moves_with_the_reactions_of_its_equilibrium() -> None:
     """Of a standing ladder, a scene of supports and loads; at once and after a second."""
     standing = load_scene("ladder_smooth_wall", duration=1.0, rate=10.0)
-    found, run = solve(standing), Simulation(standing).run(watched=False)
+    found, run = solve(standing), Simulation(standing).run(checks=False)
     assert_allclose(
         run.block.reaction_force[0], [r.force for r in found.reactions.values()], atol=1e-9
     )
@@ -296,7 +296,7 @@ def slider_crank() -> dict[str, Any]:
 
 
 def test_in_a_plane_the_components_out_of_it_are_nobodys_load():
-    run = Simulation(slider_crank()).run(watched=False)
+    run = Simulation(slider_crank()).run(checks=False)
     ranges = rb_sim.reaction_ranges(run, 3)
     assert set(ranges) == set(run.layout.reactions)
     out_of_plane = {"force_z", "torque_x", "torque_y"}
@@ -339,7 +339,7 @@ def test_a_sliding_table_brakes_with_all_its_legs():
     each side m g / 2. So a front leg carries mu m g / 2 to m g / 2, a rear one 0 to m g / 2 (1 -
     mu); the friction of a leg is -mu times its push."""
     mu, weight = 0.3, 4.0 * G_MOTION
-    run = Simulation(table(2.0, mu)).run(watched=False)
+    run = Simulation(table(2.0, mu)).run(checks=False)
     ranges = rb_sim.reaction_ranges(run)
     for k, x in enumerate((1, 1, -1, -1)):
         span = ranges[f"floor/{k + 1}"]
@@ -353,4 +353,4 @@ def test_averages_of_a_step_have_no_ranges():
     scene = table(0.0, 0.3)
     scene["simulation"] |= {"method": "time_stepping", "step": 0.01}
     with pytest.raises(RbSimError, match="time_stepping reports averages"):
-        rb_sim.reaction_ranges(Simulation(scene).run(watched=False))
+        rb_sim.reaction_ranges(Simulation(scene).run(checks=False))

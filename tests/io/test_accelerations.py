@@ -40,7 +40,7 @@ def recorded(text: str, folder: Path, asked: bool = True) -> None:
 
     simulation = Simulation(load_scene(text))
     sink = BagSink(folder, run={"by": "run"}, accelerations=accelerating if asked else None)
-    simulation.run(sinks=[sink], watched=False)
+    simulation.run(sinks=[sink], checks=False)
     sink.close()
 
 

@@ -86,7 +86,7 @@ SCENES = {
 def test_it_is_the_rate_of_the_work(name: str) -> None:
     """The parent's spin takes part in both: without it the power is wrong by a tenth and more."""
     scene = load_scene(SCENES[name], method="dopri853", tolerance=1e-12)
-    run = Simulation(scene).run(watched=False)
+    run = Simulation(scene).run(checks=False)
     block, layout = run.block, run.layout
     power = contact_power(block, scene, layout)
     work, h = block.contact_work, block.t[1] - block.t[0]

@@ -192,7 +192,7 @@ def test_a_run_that_was_pushed_has_no_closed_form(tmp_path):
     simulation.apply_wrench("rod", force=[0, 0, 30.0], torque=[0, 0, 0])
     from rb_sim.cli.verbs.replay import page_of_run
 
-    page = page_of_run(simulation.run(watched=False), [], [])
+    page = page_of_run(simulation.run(checks=False), [], [])
     assert page["exact"] is None
     assert [a["group"] for a in page["arrows"]].count("command") == 1
 
@@ -203,7 +203,7 @@ def test_closed_forms_of_contact_have_samples():
     times = np.linspace(0.0, 0.5, 6)
     found = exact_samples(ball, times)
     assert found is not None
-    run = Simulation(ball).run(at=times, watched=False)
+    run = Simulation(ball).run(at=times, checks=False)
     np.testing.assert_allclose(found[1].position, run.block.position, atol=1e-9)
 
 
@@ -232,7 +232,7 @@ def test_supports_of_shipped_scenes_are_drawn(name, tmp_path):
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        page = page_of_run(Simulation(scene).run(watched=False), [], [])
+        page = page_of_run(Simulation(scene).run(checks=False), [], [])
     save(page, tmp_path / "page.html")
     drawn = page["supports"]
     if name == "sphere_off_sphere":  # larger than what is seen of it: lines on the globe
@@ -248,7 +248,7 @@ def test_between_samples_a_body_turns_the_short_way(tmp_path):
     """Whatever the signs of the quaternions are; the sample after t = 0.4 s has the other one."""
     disk = {"mass": 1.0, "shape": {"type": "disk", "radius": 0.1}, "angular_velocity": [0, 0, 2.0]}
     scene = load_scene({"bodies": {"disk": disk}, "simulation": {"duration": 1.0, "rate": 5}})
-    run = Simulation(scene).run(watched=False)
+    run = Simulation(scene).run(checks=False)
     run.block.orientation[3:] *= -1.0
     save(RunPage(scene, run.layout, run.block).data(facts=[], warnings=[]), tmp_path / "page.html")
     looked_at = """
@@ -290,7 +290,7 @@ def test_shapes_are_drawn_as_large_as_they_are(tmp_path):
     scene = load_scene({"bodies": bodies, "simulation": {"duration": 0.1}})
     from rb_sim.cli.verbs.replay import page_of_run
 
-    save(page_of_run(Simulation(scene).run(watched=False), [], []), tmp_path / "page.html")
+    save(page_of_run(Simulation(scene).run(checks=False), [], []), tmp_path / "page.html")
     drawn = ask(tmp_path / "page.html", """
         return D.bodies.map((body, i) => {
           const {position, orientation} = poseOf(i, 0);

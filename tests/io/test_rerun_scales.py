@@ -144,6 +144,6 @@ def test_a_recording_of_a_run_that_blows_up_says_nothing_of_numpy_s(tmp_path):
     simulation = Simulation(scene, announce=None)
     with warnings.catch_warnings(action="error"):
         with pytest.raises(SimulationError, match="no longer finite"):
-            simulation.run(sinks=[sink], watched=False)
+            simulation.run(sinks=[sink], checks=False)
         sink.close()
     assert sink.path.stat().st_size > 0

@@ -130,7 +130,7 @@ def test_reactions_of_least_norm_do_not_hang_on_the_order_of_the_joints() -> Non
     """They did by twice their size where round-off was taken for a pivot."""
     runs = [
         Simulation(scene_from_mapping(closed_chain(SHAKEN, turned_round, duration=0.5))).run(
-            watched=False
+            checks=False
         )
         for turned_round in (False, True)
     ]

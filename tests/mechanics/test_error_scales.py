@@ -48,7 +48,7 @@ def oscillators(amplitude: float, centre: float, **options: Any) -> dict[str, An
 
 def error(amplitude: float, centre: float = 0.0, **options: Any) -> float:
     """Relative to the amplitude."""
-    run = Simulation(load_scene(oscillators(amplitude, centre, **options))).run(watched=False)
+    run = Simulation(load_scene(oscillators(amplitude, centre, **options))).run(checks=False)
     way = run.position["small"][:, 0] - centre
     return float(np.abs(way / amplitude - np.cos(10.0 * run.t)).max())
 
@@ -79,7 +79,7 @@ def test_a_small_part_on_a_guide_keeps_its_digits(joint: str, method: str) -> No
         mapping["constraints"]["rail"]["normal_A"] = [0, 0, 1]
     else:
         mapping["constraints"]["rail"]["guide"] = {"type": "line", "direction": [1, 0, 0]}
-    run = Simulation(load_scene(mapping)).run(duration=20.0, watched=False)
+    run = Simulation(load_scene(mapping)).run(duration=20.0, checks=False)
     way = run.position["small"][:, 0] / 1e-6
     assert np.abs(way - np.cos(10.0 * run.t)).max() < 2e-8
 
@@ -97,7 +97,7 @@ def test_a_start_too_small_to_tell_does_not_stall() -> None:
         "type": "wrench", "body": "small", "force": [1e-16, 0.0, 0.0],
     }  # fmt: skip
     simulation = Simulation(load_scene(mapping))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     way = run.position["small"][:, 0] - 1e-9
     assert np.abs(way - 0.5e-7 * run.t**2).max() < 1e-17
     assert simulation.steps < 60
@@ -129,14 +129,14 @@ def chain(ratio: float, **options: Any) -> dict[str, Any]:
 
 
 def test_a_mass_ratio_that_doubles_cannot_carry_is_refused_as_that() -> None:
-    run = Simulation(load_scene(chain(1e9, method="radau5", tolerance=1e-8))).run(watched=False)
+    run = Simulation(load_scene(chain(1e9, method="radau5", tolerance=1e-8))).run(checks=False)
     assert run.residual.max() < 1e-13
     with pytest.raises(SceneError, match="masses of 0.001 kg and 1e.09 kg connected by"):
         Simulation(load_scene(chain(1e12)))
 
 
 def test_a_heavy_body_carries_one_a_million_million_times_lighter() -> None:
-    run = Simulation(load_scene(chain(1e-12))).run(watched=False)
+    run = Simulation(load_scene(chain(1e-12))).run(checks=False)
     assert run.residual.max() < 1e-13
     swinging = run.block  # the heavy one turns about its centre, the pivot: no work between them
     speed = np.linalg.norm(swinging.linear_velocity[:, 1], axis=1)
@@ -166,7 +166,7 @@ def test_an_absolute_tolerance_is_that_of_its_body(method: str) -> None:
     for more in ({}, {"absolute_tolerance": 1e-19}):
         scene = load_scene(beside_a_command(**more), method=method, tolerance=1e-10)
         simulation = Simulation(scene, announce=None)
-        run = simulation.run(watched=False)
+        run = simulation.run(checks=False)
         x = run.position["bob"][:, 0]
         errors.append(np.abs(x - 1e-9 * np.cos(20.0 * run.t)).max() / 1e-9)
     assert errors[0] > 1e-3 and errors[1] < 1e-6
@@ -179,7 +179,7 @@ def test_an_absolute_tolerance_may_be_loose() -> None:
         scene = beside_a_command(**more)
         scene["bodies"]["bob"]["position"] = [1.0, 0.0, 0.0]
         simulation = Simulation(load_scene(scene), announce=None)
-        simulation.run(watched=False)
+        simulation.run(checks=False)
         steps.append(simulation.steps)
     assert steps[1] < 0.5 * steps[0]
 
@@ -254,7 +254,7 @@ def test_a_swing_keeps_its_digits(
     # 100 steps of 1e-10 of the swing, or 600 of 1e-8 of an estimate (radau5); rounding of a
     # quaternion is 1e-7 of a swing of 1e-9 in a step, of any sign. 3e-2 to all of it was lost in SI
     simulation = Simulation(load_scene(rods(count, joint, length, amplitude, **options)))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     angles = np.stack([2.0 * run.orientation[f"rod{i}"][:, 1] for i in range(count)], axis=1)
     error = np.abs(angles / amplitude - linear(count, length, run.t)).max()
     assert error < 1e-7
@@ -282,7 +282,7 @@ def test_what_only_slows_down_keeps_its_digits_beside_a_small_swing() -> None:
         "air": {"type": "linear_drag", "body": "slow", "coefficient": drag},
     }  # fmt: skip
     simulation = Simulation(load_scene(scene))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     assert simulation.held_bodies == {"slow", "swing"}
     way = speed / drag * (1.0 - np.exp(-drag * run.t))
     assert np.abs(run.position["slow"][:, 0] - way).max() < 1e-9 * speed
@@ -316,7 +316,7 @@ def pair(amplitude: float, drift: float, spin: float = 0.0, **options: Any) -> d
 def error_of_motions(scene: dict[str, Any], amplitude: float) -> tuple[float, int]:
     """Of the distance, relative to the amplitude; and steps."""
     simulation = Simulation(load_scene(scene))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     way = np.linalg.norm(run.position["b"] - run.position["a"], axis=1) - 1.0
     return float(np.abs(way / amplitude - np.cos(10.0 * run.t)).max()), simulation.steps
 
@@ -349,7 +349,7 @@ def test_small_bodies_on_a_spring_that_is_much_stiffer_keep_their_digits(method:
         },
         "simulation": {"duration": 5.0, "rate": 20.0, "method": method},
     }
-    run = Simulation(load_scene(mapping)).run(watched=False)
+    run = Simulation(load_scene(mapping)).run(checks=False)
     square, modes = np.linalg.eigh(np.array([[1.0 + 1e8, -1e8], [-1e8, 1e8]]))
     rates = np.sqrt(square)
     start = 1e-6 * modes.sum(axis=0) / rates
@@ -375,7 +375,7 @@ def test_bodies_that_turn_about_each_other_cost_no_more_than_before() -> None:
     and rounding is not taken for a motion to be kept."""
     stretch = 1.0 / 99.0
     simulation = Simulation(load_scene(pair(stretch, 1.0, 1.0)))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     way = np.linalg.norm(run.position["b"] - run.position["a"], axis=1)
     assert np.abs(way - 1.0 - stretch).max() < 1e-8
     assert not simulation.held_bodies and simulation.steps < 200
@@ -414,7 +414,7 @@ def test_a_swing_seen_from_a_parent_that_turns_is_held() -> None:
         "simulation": {"duration": 5.0, "rate": 20.0},
     }  # fmt: skip
     simulation = Simulation(load_scene(scene))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     half = [2.0 * np.arctan2(run.orientation[k][:, 2], run.orientation[k][:, 3]) for k in "ab"]
     angle = np.angle(np.exp(1j * (half[1] - half[0])))
     assert simulation.held_bodies == {"a", "b"}
@@ -442,7 +442,7 @@ def test_many_pairs_keep_their_digits_as_one_does() -> None:
             scene["bodies"][f"{name}{k}"] = body | {"position": [x, y + 2.0 * k, z]}
         ends = {"body": f"b{k}", "parent": f"a{k}"}
         scene["effects"][f"spring{k}"] = first["effects"]["spring"] | ends
-    run = Simulation(load_scene(scene)).run(watched=False)
+    run = Simulation(load_scene(scene)).run(checks=False)
     for k in range(12):
         way = np.linalg.norm(run.position[f"b{k}"] - run.position[f"a{k}"], axis=1) - 1.0
         assert np.abs(way / 1e-6 - np.cos(10.0 * run.t)).max() < 1e-7
@@ -476,7 +476,7 @@ def test_numbers_beyond_all_steps_end_in_one_line(stiffness: float, place: float
         "simulation": {"duration": 2.0, "rate": 20.0},
     }
     with pytest.raises(RbSimError):
-        Simulation(load_scene(scene)).run(watched=False)
+        Simulation(load_scene(scene)).run(checks=False)
 
 
 def test_a_spin_counts_as_its_angular_momentum_over_the_largest_radius_of_gyration() -> None:

@@ -172,7 +172,7 @@ def scene_of_spin(case: Any, **more: Any) -> Any:
 def error(case: Any, mapping: Any) -> float:
     """Largest, of the spin, relative to its largest."""
     samples = case["samples"]
-    run = Simulation(load_scene(mapping)).run(at=samples["t"], watched=False)
+    run = Simulation(load_scene(mapping)).run(at=samples["t"], checks=False)
     apart = np.abs(run.angular_velocity["body"] - np.array(samples["omega_body"]))
     return float(apart.max()) / 5.0
 
@@ -203,7 +203,7 @@ OTHER_BODY = {
 
 def run(mapping: dict[str, Any]) -> Any:
     return (
-        Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(watched=False).block
+        Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(checks=False).block
     )
 
 

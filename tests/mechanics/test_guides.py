@@ -114,7 +114,7 @@ def test_the_tolerance_holds_at_every_break(n: int, coordinates: str) -> None:
     curve = pieces(parabola(n))
     slide = Slide(curve, 0.7, 2.0)
     scene = sliding(parabola(n), 0.7, 2.0, duration=0.7)
-    block = Simulation(load_scene(scene), coordinates=coordinates).run(watched=False).block
+    block = Simulation(load_scene(scene), coordinates=coordinates).run(checks=False).block
     exact = [curve.point(slide.parameter(t))[0] for t in block.t]
     assert_allclose(block.position[:, 0], exact, rtol=0.0, atol=5e-12)
 
@@ -167,7 +167,7 @@ def test_around_a_closed_cubic_and_back_to_the_start(
         slide.time(a, b) for part in ends for a, b in zip(part, part[1:], strict=False)
     )
     scene = sliding(LOOP, 0.0, speed, closed=True, duration=period, method=method)
-    run = Simulation(load_scene(scene), coordinates=coordinates).run(watched=False)
+    run = Simulation(load_scene(scene), coordinates=coordinates).run(checks=False)
     assert_allclose(run.block.position[-1], run.block.position[0], rtol=0.0, atol=5e-12)
 
 
@@ -193,7 +193,7 @@ def test_swinging_through_a_kink_of_the_curvature(coordinates: str) -> None:
 
     period = 2.0 * (half(start, low) + half(end, low))
     scene = sliding(VALLEY, start, 0.0, duration=period)
-    run = Simulation(load_scene(scene), coordinates=coordinates).run(watched=False)
+    run = Simulation(load_scene(scene), coordinates=coordinates).run(checks=False)
     assert_allclose(run.block.position[-1], run.block.position[0], rtol=0.0, atol=5e-11)
 
 
@@ -207,11 +207,11 @@ def test_who_leaves_the_end_of_an_open_guide_is_told(coordinates: str) -> None:
 def test_a_guide_beside_a_contact_runs() -> None:
     """A ball dropped beside: the guided body moves as alone."""
     scene = sliding(parabola(31), 0.7, 2.0, duration=0.3)
-    alone = Simulation(load_scene(scene)).run(watched=False).block
+    alone = Simulation(load_scene(scene)).run(checks=False).block
     ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [0.0, 5.0, 0.2]}
     scene["bodies"]["ball"] = ball
     scene["constraints"]["floor"] = {"type": "contact", "body": "ball"}
-    block = Simulation(load_scene(scene)).run(watched=False).block
+    block = Simulation(load_scene(scene)).run(checks=False).block
     assert_allclose(block.position[:, 0], alone.position[:, 0], rtol=0.0, atol=1e-9)
 
 
@@ -272,7 +272,7 @@ def test_derivatives_by_the_speed_at_the_start(points: list[list[float]], s: flo
         return scene_from_mapping(sliding(points, s, float(x[0]), duration=0.5, tolerance=1e-13))
 
     simulation = TangentSimulation(scene_at, np.array([speed]), [speed])
-    times = simulation.run(watched=False).t
+    times = simulation.run(checks=False).t
     (found,) = simulation.take_derivatives()
     slide, start = Slide(curve, s, speed), curve.point(s)[1]
     for t, moved in zip(times, found.position[:, 0], strict=True):
@@ -293,7 +293,7 @@ def test_twelve_bodies_each_on_a_spline() -> None:
     steps = {"duration": 0.5, "method": "rk4", "step": 1e-3, "tolerance": None}
     whole = sliding(LOOP, 0.3, 1.0, closed=True, **steps)
     scene = load_scene(whole | {"bodies": bodies, "constraints": constraints})
-    block = Simulation(scene).run(watched=False).block
+    block = Simulation(scene).run(checks=False).block
     curve = pieces(LOOP, True)
     for k, speed in enumerate(speeds):
         slide = Slide(curve, 0.3, speed)
@@ -379,7 +379,7 @@ def ring() -> dict[str, Any]:
 def test_a_step_that_passes_pieces_without_end_is_an_error(monkeypatch) -> None:
     monkeypatch.setattr("rb_sim.motion.traced.MOST_ROUNDS", 4)
     with pytest.raises(SimulationError, match="8192 pieces of a guide .* too large"):
-        Simulation(ring()).run(watched=False)
+        Simulation(ring()).run(checks=False)
 
 
 def test_a_run_that_ends_in_its_first_step_keeps_what_was_logged(monkeypatch, tmp_path) -> None:

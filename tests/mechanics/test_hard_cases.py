@@ -52,7 +52,7 @@ def outcome(mapping: Any, coordinates: str, options: dict[str, Any]) -> Any:
     own = {key: value for key, value in mapping["simulation"].items() if key != "tolerance"}
     scene = load_scene(mapping | {"simulation": own | options})
     try:
-        return Simulation(scene, coordinates=coordinates).run(watched=False).block
+        return Simulation(scene, coordinates=coordinates).run(checks=False).block
     except RbSimError as error:
         return str(error)
     except ZeroDivisionError:  # plain Python raises where compiled code gets infinity, then NaN

@@ -44,7 +44,7 @@ def motion(mapping: dict[str, Any]) -> Motion:
 )
 def test_a_scene_of_any_size_runs_and_keeps_its_energy(mapping):
     """Sizes at which walks that recurse over the types of a scene end in a RecursionError."""
-    run = Simulation(scene_from_mapping(mapping)).run(watched=False)
+    run = Simulation(scene_from_mapping(mapping)).run(checks=False)
     energy = run.block.kinetic_energy + run.block.potential_energy
     assert_allclose(energy, energy[0], atol=1e-6 * (1.0 + abs(energy).max()))
     assert run.block.residual.max() < 1e-12
@@ -54,7 +54,7 @@ def test_links_of_a_chain_at_rest_carry_what_hangs_below():
     """Hanging straight down: the force in joint i is the weight of the links i and below."""
     scene = chain(12, duration=0.05)
     scene["effects"]["g"]["acceleration"] = [9.81, 0.0, 0.0]  # along the chain
-    block = Simulation(scene_from_mapping(scene)).run(watched=False).block
+    block = Simulation(scene_from_mapping(scene)).run(checks=False).block
     weights = -9.81 * np.arange(12, 0, -1)
     assert_allclose(block.reaction_force[:, :, 0], np.tile(weights, (len(block.t), 1)), rtol=1e-12)
 
@@ -72,7 +72,7 @@ def test_every_method_gives_the_same_numbers_interpreted(name, method):
 
 def test_interpreted_runs_give_the_same_numbers():
     options = {"duration": 0.05, "rate": 100.0}
-    compiled = Simulation(scene_from_mapping(chain(2, **options))).run(watched=False).block
+    compiled = Simulation(scene_from_mapping(chain(2, **options))).run(checks=False).block
     plain = trajectory(chain(2, **options))
     for name in ("position", "orientation", "reaction_force", "kinetic_energy"):
         assert_allclose(getattr(compiled, name), getattr(plain, name), atol=1e-12, err_msg=name)
@@ -86,9 +86,9 @@ def test_steps_in_a_stride_are_those_one_by_one(method, monkeypatch):
     scene["simulation"] |= {"method": method, "step": 3e-3}
     push = {"times": [0.0, 0.05], "forces": [[1.0, 2.0, 3.0], [3.0, 2.0, 1.0]]}
     scene["effects"]["push"] = {"type": "wrench_table", "body": "b"} | push
-    strides = Simulation(scene_from_mapping(scene)).run(watched=False).block
+    strides = Simulation(scene_from_mapping(scene)).run(checks=False).block
     monkeypatch.setattr(ReducedLaws, "whole", lambda *given, **options: None)
-    steps = Simulation(scene_from_mapping(scene)).run(watched=False).block
+    steps = Simulation(scene_from_mapping(scene)).run(checks=False).block
     for name in ("t", "position", "orientation", "linear_velocity", "angular_velocity"):
         assert getattr(strides, name).tobytes() == getattr(steps, name).tobytes(), name
 
@@ -119,7 +119,7 @@ def test_the_same_scene_has_the_same_laws_whatever_its_method(links):
 def test_commands_of_one_run_do_not_reach_another_of_the_same_scene():
     scene = chain(2, duration=0.05)
     scene["effects"]["hand"] = {"type": "commanded_wrench", "body": "b1"}
-    alone = Simulation(scene_from_mapping(scene)).run(watched=False).position["b1"]
+    alone = Simulation(scene_from_mapping(scene)).run(checks=False).position["b1"]
     pushed, still = (Simulation(scene_from_mapping(scene)) for _ in range(2))
     pushed.apply_wrench("b1", force=[3.0, 2.0, 1.0], torque=[0.0, 0.0, 0.0])
     for _ in range(5):
@@ -250,7 +250,7 @@ def test_a_member_moves_as_with_laws_of_its_own(text: str, variants: list[dict[s
     for scene in scenes:
         shared, own = Simulation(scene, family=family), Simulation(scene)
         assert shared.compiled.laws is family.laws
-        a, b = shared.run(watched=False), own.run(watched=False)
+        a, b = shared.run(checks=False), own.run(checks=False)
         for body in a.position:
             for name in ("position", "orientation", "linear_velocity", "angular_velocity"):
                 x, y = getattr(a, name)[body], getattr(b, name)[body]

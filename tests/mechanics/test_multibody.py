@@ -371,7 +371,7 @@ def test_that_its_links_came_in_line_is_told(way: str) -> None:
     scene = scene_from_mapping(linkage(0.9, 0.0, -9.81, duration=0.5, **WAYS[way]))
     with pytest.warns(AccuracyWarning, match="singular configuration"):
         run = Simulation(scene).run()
-    (found,) = [finding for finding in run.findings if finding.watch == "singular configuration"]
+    (found,) = [finding for finding in run.findings if finding.check == "singular configuration"]
     t = np.linspace(0.0, 0.5, 50001)
     in_line = t[np.argmin(np.abs(angle(0.9, 0.0, -9.81, t)[0]))]
     assert found.t == pytest.approx(in_line, abs=1e-3)

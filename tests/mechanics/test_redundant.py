@@ -100,7 +100,7 @@ def with_ball(scene: dict[str, Any]) -> dict[str, Any]:
 
 def error(simulation: Simulation, count: int = 1) -> float:
     """Of the couplers' places along the run [m]."""
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     _, phi = angle()
     worst = 0.0
     for k in range(count):
@@ -198,7 +198,7 @@ def test_a_run_in_pieces_is_the_run_in_one() -> None:
     for t in (0.3, 0.7123, 1.4):
         parts.advance(t - parts.time)
         parts.sample()
-    rest = parts.run(TIME - 1.4, 40.0, watched=False)
+    rest = parts.run(TIME - 1.4, 40.0, checks=False)
     coarse = watched(Bennett(2).scene(TURNING, rate=5.0, **options))
     for name in whole.position:
         np.testing.assert_array_equal(rest.position[name][-1], whole.position[name][-1])
@@ -250,7 +250,7 @@ def test_what_is_chosen_hangs_on_the_steps_alone() -> None:
     options = {"method": "rk4", "step": 0.005}
     scene = scene_from_mapping(beside_a_ball(2, rate=10.0, **options))
     often = scene_from_mapping(beside_a_ball(2, rate=130.0, **options))
-    whole, fine = (Simulation(asked).run(watched=False) for asked in (scene, often))
+    whole, fine = (Simulation(asked).run(checks=False) for asked in (scene, often))
     first, second = Simulation(scene), Simulation(scene)
     for k in range(1, 21):
         for run, share in ((first, 1.0), (second, 0.37)):

@@ -52,7 +52,7 @@ def scene(axis: str, normal: str, others: bool) -> dict[str, Any]:
 @pytest.mark.parametrize(("axis", "normal"), list(permutations("xyz", 2)))
 def test_rolls_as_it_does_alone(axis, normal):
     alone, beside = (
-        Simulation(load_scene(scene(axis, normal, o))).run(watched=False) for o in (False, True)
+        Simulation(load_scene(scene(axis, normal, o))).run(checks=False) for o in (False, True)
     )
     np.testing.assert_allclose(beside.position["wheel"], alone.position["wheel"], atol=1e-9)
     there, here = beside.reaction["roll"].force, alone.reaction["roll"].force
@@ -72,7 +72,7 @@ def test_a_rod_may_end_at_any_point():
         "effects": {"g": {"type": "gravity", "acceleration": [0.0, 0.0, -9.81]}},
         "simulation": {"duration": 0.1, "rate": 10.0},
     }
-    run = Simulation(load_scene(scene)).run(watched=False)
+    run = Simulation(load_scene(scene)).run(checks=False)
     np.testing.assert_allclose(run.reaction["rod"].force, [[0.0, 0.0, 19.62]] * 2, atol=1e-9)
 
 
@@ -97,7 +97,7 @@ def test_a_plank_on_rollers(axis, normal):
         "effects": {"push": push},
         "simulation": {"duration": 0.5, "rate": 4.0},
     }
-    run = Simulation(load_scene(scene)).run(watched=False)
+    run = Simulation(load_scene(scene)).run(checks=False)
     way = (run.position["plank"] - run.position["plank"][0]) @ along
     half = (run.position["r0"] - run.position["r0"][0]) @ along
     exact = 0.5 * force / (mass + 0.75 * m) * run.t**2

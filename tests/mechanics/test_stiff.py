@@ -42,7 +42,7 @@ def run(scene: dict[str, Any], coordinates: str = "auto") -> Any:
     from rb_sim import Simulation, load_scene
 
     simulation = Simulation(load_scene(scene), coordinates=coordinates)
-    return simulation.run(watched=False), simulation.steps
+    return simulation.run(checks=False), simulation.steps
 
 
 def last(scene: dict[str, Any], coordinates: str = "auto") -> tuple[np.ndarray, int]:

@@ -290,7 +290,7 @@ def test_a_spring_that_turns_round_at_its_anchor_is_not_leapt_over(tolerance: fl
         "effects": {"s": spring},
         "simulation": {"duration": 5.0, "rate": 50.0, "method": "taylor", "tolerance": tolerance},
     }
-    run = Simulation(scene).run(check=False, watched=False)
+    run = Simulation(scene).run(check=False, checks=False)
     passed, rest = np.divmod(w * run.t + turned, 2.0 * turned)
     exact = (-1.0) ** passed * (0.3 + 0.7 * np.cos(rest - turned))
     assert np.abs(run.position["b"][:, 0] - exact).max() < 200.0 * tolerance

@@ -107,7 +107,7 @@ def options_of(case: dict[str, Any]) -> dict[str, float]:
 
 def compiled_run(case: dict[str, Any], tolerance: float = TIGHT, **kinds: Any) -> Trajectory:
     options = options_of(case) | {"tolerance": tolerance} | kinds
-    return Simulation(load_scene(scene_of(case) | {"simulation": options})).run(watched=False)
+    return Simulation(load_scene(scene_of(case) | {"simulation": options})).run(checks=False)
 
 
 def run_of(name: str, case: dict[str, Any]) -> Trajectory:
@@ -155,7 +155,7 @@ def test_body_origin_anywhere(name: str, cases: dict[str, Any]) -> None:
     case = cases[name]
     scene = scene_of(case, origin=(0.3, -0.2, 0.1))
     options = options_of(case) | {"tolerance": TIGHT}
-    run = Simulation(load_scene(scene | {"simulation": options})).run(watched=False)
+    run = Simulation(load_scene(scene | {"simulation": options})).run(checks=False)
     found = errors(case, run, reaction_of(case, run))
     assert max(found.values()) <= LIMIT, found
 
@@ -178,7 +178,7 @@ def stiff_scene(case: dict[str, Any], **options: Any) -> Any:
 @pytest.mark.parametrize("name", ["stiff_spring_undamped", "stiff_spring_overdamped"])
 def test_stiff_spring(name: str, cases: dict[str, Any]) -> None:
     case = cases[name]
-    run = Simulation(stiff_scene(case, tolerance=TIGHT)).run(watched=False)
+    run = Simulation(stiff_scene(case, tolerance=TIGHT)).run(checks=False)
     found = errors(case, run, reaction_of(case, run))
     assert max(found.values()) <= LIMIT, found
 
@@ -210,7 +210,7 @@ def test_oversize_output_step(cases: dict[str, Any]) -> None:
     t = case["samples"]["t"]
     for interval in expected["requested_output_steps"]:
         options = {"duration": t[-1], "rate": 1.0 / interval, "tolerance": TIGHT}
-        run = Simulation(load_scene(scene_of(case) | {"simulation": options})).run(watched=False)
+        run = Simulation(load_scene(scene_of(case) | {"simulation": options})).run(checks=False)
         at = [int(np.abs(run.t - instant).argmin()) for instant in t]
         common = [k for k, i in enumerate(at) if abs(run.t[i] - t[k]) < 1e-12]
         assert len(common) >= 3
@@ -225,7 +225,7 @@ def test_oversize_output_step_of_a_stiff_spring(cases: dict[str, Any]) -> None:
     t = case["samples"]["t"]
     for interval in expected["requested_output_steps"]:
         options = {"rate": 1.0 / interval, "tolerance": TIGHT}
-        run = Simulation(stiff_scene(case, **options)).run(watched=False)
+        run = Simulation(stiff_scene(case, **options)).run(checks=False)
         at = [int(np.abs(run.t - instant).argmin()) for instant in t]
         common = [k for k, i in enumerate(at) if abs(run.t[i] - t[k]) < 1e-12]
         assert len(common) >= 3

@@ -109,7 +109,7 @@ def bushing_motion() -> tuple[float, ...]:
         "effects": {"d": {"type": "spring", "body": "b", "parent": "a", "damping": 0.5}},
         "simulation": {"duration": 1.0, "rate": 20, "method": "dopri853", "tolerance": 1e-12},
     }
-    block = Simulation(load_scene(scene)).run(watched=False).block
+    block = Simulation(load_scene(scene)).run(checks=False).block
     drift = max(np.ptp(block.momentum, axis=0).max(), np.ptp(block.angular_momentum, axis=0).max())
     return float(np.diff(block.energy).max()), float(block.energy[0]), float(drift)
 

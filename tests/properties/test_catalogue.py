@@ -270,7 +270,7 @@ def _window(mapping: Any, start: float, end: float) -> Any:
     simulation = Simulation(load_scene(mapping))
     inset = 1e-6 * (end - start)
     simulation.advance(start + inset)
-    return simulation.run(end - start - 2.0 * inset, 60.0 / (end - start), watched=False).block
+    return simulation.run(end - start - 2.0 * inset, 60.0 / (end - start), checks=False).block
 
 
 @pytest.mark.parametrize("name", JOINTS)

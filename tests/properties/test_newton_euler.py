@@ -44,7 +44,7 @@ def samples(mapping: Mapping, t: float) -> tuple[Any, Any, Any]:
     with np.errstate(all="ignore"):  # attempts that are far too long overflow, and are refused
         simulation.advance(t - 2.0 * SPACING)
         simulation.take_events()
-        block = simulation.run(4.0 * SPACING, 1.0 / SPACING, watched=False).block
+        block = simulation.run(4.0 * SPACING, 1.0 / SPACING, checks=False).block
     return block, simulation.scene, simulation.layout
 
 

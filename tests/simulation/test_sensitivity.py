@@ -46,7 +46,7 @@ def test_an_oscillator_by_its_closed_form() -> None:
     x = np.array([50.0, 2.0, 0.3, 0.7])
     k, m, z0, v0 = x
     simulation = TangentSimulation(oscillator, x, x)
-    t = simulation.run(watched=False).t
+    t = simulation.run(checks=False).t
     found = np.array([block.position[:, 0, 2] for block in simulation.take_derivatives()])
     w = np.sqrt(k / m)
     by_w = -z0 * t * np.sin(w * t) + v0 * (t * np.cos(w * t) / w - np.sin(w * t) / w**2)
@@ -86,14 +86,14 @@ def columns(block: Any) -> np.ndarray:
 def carried_and_differences() -> list[tuple[np.ndarray, np.ndarray]]:
     x, h = np.array([1.5, 0.4, 2.0, -9.81]), 2e-3
     simulation = TangentSimulation(chain, x, x)
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     found = []
     for k, block in enumerate(simulation.take_derivatives()):
         total: Any = 0.0
         for j, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             e = np.eye(4)[k] * j * h * x[k]
             sides = [
-                columns(Simulation(chain(x + s * e)).run(watched=False).block) for s in (1.0, -1.0)
+                columns(Simulation(chain(x + s * e)).run(checks=False).block) for s in (1.0, -1.0)
             ]
             total = total + weight * (sides[0] - sides[1]) / (60.0 * h * x[k])
         found.append((columns(block), total))
@@ -139,10 +139,10 @@ def test_reactions_of_least_norm_by_high_order_differences() -> None:
     x = np.array([0.7, 9.81, 0.05])
     way = 1e-2 * x * [1.0, -0.7, 0.4]
     simulation = TangentSimulation(door, x, x)
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     by_number = [columns(block) for block in simulation.take_derivatives()]
     expected = sum(
-        weight * columns(Simulation(door(x + j * way)).run(watched=False).block)
+        weight * columns(Simulation(door(x + j * way)).run(checks=False).block)
         for j, weight in SIXTH.items()
     )
     assert all(np.abs(h * part).max() > 1e-4 for h, part in zip(way, by_number, strict=True))

@@ -24,7 +24,7 @@ SPACING = 1e-3
 
 
 def run(scene: Any, at: list[float], coordinates: str = "auto") -> Trajectory:
-    return Simulation(load_scene(scene), coordinates=coordinates).run(at=at, watched=False)
+    return Simulation(load_scene(scene), coordinates=coordinates).run(at=at, checks=False)
 
 
 @pytest.mark.parametrize("coordinates", ["auto", "maximal"])

@@ -64,8 +64,8 @@ def lost(described: dict[str, Any], runs: list[int]) -> dict[int, set[str]]:
     loaded = load_plan(described)
     found: dict[int, set[str]] = {}
     for each in look_over(PlanRunner(loaded), points(loaded.plan), runs):
-        assert str(each).startswith(f"run {each.run}: {each.finding.watch}: ")
-        found.setdefault(each.run, set()).add(each.finding.watch)
+        assert str(each).startswith(f"run {each.run}: {each.finding.check}: ")
+        found.setdefault(each.run, set()).add(each.finding.check)
     return found
 
 

@@ -160,7 +160,7 @@ class CheckList:
         """
         found = finding_of(error, simulation)
         if found is not None:
-            self._found.setdefault(found.watch, found)
+            self._found.setdefault(found.check, found)
         elif error.known and error.upto is None:
             small = self._small_balances(exchanged)
             self._found = {
@@ -210,7 +210,7 @@ class CheckList:
         for names, look in self._checks:
             if not all(name in self._found for name in names):
                 for finding in look(seen):
-                    self._found.setdefault(finding.watch, finding)
+                    self._found.setdefault(finding.check, finding)
 
 
 OF_TOLERANCE = frozenset({"energy", "momentum", "angular momentum", "global error"})
@@ -220,7 +220,7 @@ OF_TOLERANCE = frozenset({"energy", "momentum", "angular momentum", "global erro
 def beyond(singular: Finding, finding: Finding) -> Finding:
     """The finding without the advice of a tighter tolerance if it comes after a singular
     configuration, where short steps amplify round-off."""
-    if finding.watch not in OF_TOLERANCE or finding.finer_step or finding.t < singular.t:
+    if finding.check not in OF_TOLERANCE or finding.finer_step or finding.t < singular.t:
         return finding
     advice = (
         f"the singular configuration at t = {singular.t:.4g} s enlarges round-off: "

@@ -387,7 +387,7 @@ def is_decided(finding: Finding) -> bool:
 
     Not for choices in contact, where both runs choose alike, or slow slips, where both lag alike.
     """
-    return finding.watch == "step"
+    return finding.check == "step"
 
 
 class SecondMotion(NamedTuple):

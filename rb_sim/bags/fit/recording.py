@@ -70,12 +70,12 @@ def followed(simulation: Simulation, recording: Recording) -> Iterator[SampleBlo
     for given in recording.commands:
         reached = int(np.searchsorted(times, given.t, side="right"))
         if reached > done:
-            yield simulation.run(at=times[done:reached], watched=False).block
+            yield simulation.run(at=times[done:reached], checks=False).block
             done = reached
         simulation.advance(max(0.0, given.t - simulation.time))
         give(simulation, [given])
     if done < len(times):
-        yield simulation.run(at=times[done:], watched=False).block
+        yield simulation.run(at=times[done:], checks=False).block
 
 
 def lost_by(scene: Scene, recording: Recording) -> tuple[str, ...]:

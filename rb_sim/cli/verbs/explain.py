@@ -64,11 +64,11 @@ def cost_of_run(scene: Scene) -> RunCost:
     spent: dict[bool, float] = {}
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", AccuracyWarning)
-        for watched in (True, False, True):
+        for checks in (True, False, True):
             simulation.reset()
             began = time.process_time()
-            simulation.run(watched=watched)
-            spent[watched] = time.process_time() - began
+            simulation.run(checks=checks)
+            spent[checks] = time.process_time() - began
     return RunCost(spent[False], spent[True])
 
 

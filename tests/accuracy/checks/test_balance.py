@@ -154,7 +154,7 @@ def test_a_wrench_and_the_drag_against_it_exchange_what_each_of_them_does(
     options = {"duration": END, "rate": 1000.0, "method": "radau5", "tolerance": 1e-8}
     mapping = {"bodies": {"b": body}, "effects": effects, "simulation": options}
     simulation = Simulation(load_scene(mapping))
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     ledger = Ledger(simulation.scene, simulation.layout, since)
     ledger.add(replace(block, t=block.t + since))
     assert ledger.exchanged == pytest.approx(2 * PUSH**2 / ROPE * END * mean_square, rel=1e-3)
@@ -188,7 +188,7 @@ def test_work_that_is_done_while_nobody_looks_is_none_that_is_lost() -> None:
     samples show no power, and nothing says that there was none."""
     run = Simulation(case(261127, 4, False).mapping, announce=None).run()
     assert not run.block.power.any() and run.block.energy[-1] > 100.0
-    assert "energy" not in {finding.watch for finding in run.findings}
+    assert "energy" not in {finding.check for finding in run.findings}
 
 
 def test_a_pulse_between_two_samples_is_no_energy_out_of_nothing() -> None:

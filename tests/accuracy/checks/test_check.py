@@ -52,7 +52,7 @@ def test_energy_lost_to_running_contacts_without_bound_names_a_step(lost: float)
     block = Simulation(load_scene("thrown_ball", duration=0.1), announce=None).sample().block
     effort = Effort("time_stepping", 0.002, None, 50, restruck=lost)
     (finding,) = found_in(block, effort, 1.0)
-    assert finding.watch == "contact steps" and finding.figure == lost
+    assert finding.check == "contact steps" and finding.figure == lost
     assert finding.finer_step is not None and 0.0 < finding.finer_step < 0.002
 
 
@@ -65,14 +65,14 @@ def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
     scene = {"bodies": {"top": TOP}, "simulation": setting}
     chosen = Simulation(load_scene(scene), announce=None)
     assert chosen.choice is not None and chosen.choice.step is not None
-    block = chosen.run(watched=False).block
+    block = chosen.run(checks=False).block
     sharp = Simulation(load_scene(scene, method="dopri853", tolerance=1e-13), announce=None)
-    exact = sharp.run(watched=False).block
+    exact = sharp.run(checks=False).block
     assert np.abs(block.orientation - exact.orientation).max() < 0.5e-3
     missed = effort_of(chosen)._replace(missed=Missed(0.5, "top"))
     assert not [*found_in(block, missed, 1.0)]
     for unmeasured in (missed._replace(kept_to=0.0), missed._replace(kept_to=1.99)):
-        assert [finding.watch for finding in found_in(block, unmeasured, 1.0)] == ["step"]
+        assert [finding.check for finding in found_in(block, unmeasured, 1.0)] == ["step"]
 
 
 def reported(
@@ -81,7 +81,7 @@ def reported(
     """What the effort of a run tells by its last sample, by watch."""
     block: Any = Block(t)
     found = found_in(block, effort, more.get("exchanged", 1.0))
-    return {finding.watch: finding for finding in found}
+    return {finding.check: finding for finding in found}
 
 
 STEPPED = Effort("time_stepping", 0.02, None, 50)

@@ -79,7 +79,7 @@ def findings(
         columns = {name: getattr(block, name)[part] for name in ARRAYS}
         events = tuple(e for e in block.events if e.t <= columns["t"][-1])
         check_list.add(replace(block, **columns, events=events), effort)
-    return {finding.watch: finding for finding in check_list.findings}
+    return {finding.check: finding for finding in check_list.findings}
 
 
 @pytest.fixture(scope="module")
@@ -271,7 +271,7 @@ def test_a_run_gives_a_warning_for_each_finding_at_its_caller() -> None:
         run = Simulation(load_scene(COARSE), announce=None).run()
     assert [str(warning.message) for warning in told] == [str(each) for each in run.findings]
     assert {Path(warning.filename).name for warning in told} == {Path(__file__).name}
-    assert "energy" in {finding.watch for finding in run.findings}
+    assert "energy" in {finding.check for finding in run.findings}
     assert "accuracy lost (energy" in repr(run)
 
 
@@ -279,7 +279,7 @@ def test_a_sound_run_and_one_that_nobody_watches_give_none() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sound = Simulation(load_scene(COARSE, **FINE), announce=None).run()
-        unseen = Simulation(load_scene(COARSE), announce=None).run(watched=False)
+        unseen = Simulation(load_scene(COARSE), announce=None).run(checks=False)
     assert sound.findings == unseen.findings == ()
     assert "accuracy" not in repr(sound)
 
@@ -326,14 +326,14 @@ def test_a_bag_that_is_simulated_again_by_a_coarse_method_tells_it(tmp_path: Pat
     found = resimulate(BagReader(bag), load_scene(COARSE, **FINE), tmp_path / "same")
     assert found == ()
     found = resimulate(BagReader(bag), load_scene(COARSE), tmp_path / "coarse")
-    assert "energy" in {finding.watch for finding in found}
+    assert "energy" in {finding.check for finding in found}
 
 
 def test_a_fit_by_a_coarse_method_tells_it() -> None:
     scene = load_scene(COARSE, **FINE)
     simulation = Simulation(scene, announce=None)
     tracks = tracks_of_blocks(
-        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+        [simulation.run(checks=False).block], scene, simulation.layout, "truth"
     )
     recording = Recording(tracks, {"top": "top"})
     assert lost_by(scene, recording) == ()

@@ -62,7 +62,7 @@ def findings(spoil: Callable[[Any], Any] = lambda effort: effort, **options: Any
     check_list = CheckList(scene, simulation.layout)
     for block in simulation.blocks(scene.simulation.duration, scene.simulation.rate):
         check_list.add(block, spoil(effort_of(simulation)))
-    return {finding.watch: finding for finding in check_list.findings}
+    return {finding.check: finding for finding in check_list.findings}
 
 
 def test_unspoilt_it_passes() -> None:
@@ -131,7 +131,7 @@ def reported(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
     check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
     for block in simulation.blocks(setting.duration, setting.rate):
         check_list.add(block, partial(effort_of, simulation))
-    return {finding.watch: finding for finding in check_list.findings}
+    return {finding.check: finding for finding in check_list.findings}
 
 
 def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.MonkeyPatch) -> None:

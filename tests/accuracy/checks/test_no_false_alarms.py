@@ -58,11 +58,11 @@ def test_energy_of_what_stands_still_is_held_against_weight_times_length(
 ) -> None:
     """5e-9 J are 5e-13 m of height of 1000 kg; 2 J are a fifth of a millimetre."""
     simulation = heavy_on_light()
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     moved = replace(block, kinetic_energy=block.kinetic_energy + drift * block.t / block.t[-1])
     check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
     check_list.add(moved, Effort("dopri853", None, 1e-10, 10))
-    assert any(found.watch == "energy" for found in check_list.findings) is reported
+    assert any(found.check == "energy" for found in check_list.findings) is reported
 
 
 def test_angular_momentum_whose_total_is_zero_is_held_against_that_of_the_bodies() -> None:
@@ -72,7 +72,7 @@ def test_angular_momentum_whose_total_is_zero_is_held_against_that_of_the_bodies
         "simulation": {"duration": 1.0, "rate": 100.0},
     }
     simulation = Simulation(scene)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     wrong = block.angular_momentum + 1e-11 * block.t[:, None] * np.array([0.0, 0.0, 1.0])
     ledger = Ledger(simulation.scene, simulation.layout)
     ledger.add(replace(block, angular_momentum=wrong))
@@ -131,7 +131,7 @@ def test_a_motion_that_both_runs_make_wrong_alike_shows_in_its_energy() -> None:
     check_list.add(wrong, Effort("dopri853", None, 1e-10, 10))
     assert run.global_error is not None
     check_list.check(run.global_error, simulation)
-    assert [found.watch for found in check_list.findings] == ["energy"]
+    assert [found.check for found in check_list.findings] == ["energy"]
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
@@ -151,10 +151,10 @@ def test_a_step_that_a_second_run_finds_right_is_not_reported() -> None:
     }
     simulation = Simulation(scene)
     alone = simulation.run(check=False)
-    assert "step" in {found.watch for found in alone.findings}
+    assert "step" in {found.check for found in alone.findings}
     simulation.reset()
     checked = simulation.run()
-    assert "step" not in {found.watch for found in checked.findings}
+    assert "step" not in {found.check for found in checked.findings}
     assert np.abs(checked.position["b"][:, 2] + 4.905 * checked.t**2).max() < 1e-9
 
 
@@ -205,7 +205,7 @@ def findings(mapping: dict[str, Any], interval: float, **options: Any) -> set[st
     simulation = Simulation(load_scene(mapping | {"simulation": span | options}), announce=None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AccuracyWarning)
-        return {finding.watch for finding in simulation.run().findings}
+        return {finding.check for finding in simulation.run().findings}
 
 
 @pytest.mark.parametrize("periods", [1.0, 3.0, 0.5, 0.03])

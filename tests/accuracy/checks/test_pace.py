@@ -45,7 +45,7 @@ TIGHT = Effort("dopri853", None, 1e-11, 100)
 def run_of(damped: bool) -> tuple[SampleBlock, SampleLayout]:
     """The long run of the rod, with the air or without."""
     simulation = Simulation(scene_from_mapping(mapping_of(damped)), announce=None)
-    return simulation.run(watched=False).block, simulation.layout
+    return simulation.run(checks=False).block, simulation.layout
 
 
 def mapping_of(damped: bool) -> dict[str, Any]:
@@ -66,7 +66,7 @@ def found(
     check_list = CheckList(scene_from_mapping(mapping_of(damped)), layout)
     for piece in pieces(replace(block, **columns)):
         check_list.add(piece, lambda: effort)
-    return {finding.watch: finding for finding in check_list.findings}, check_list
+    return {finding.check: finding for finding in check_list.findings}, check_list
 
 
 def after(values: np.ndarray, changed: np.ndarray | float) -> np.ndarray:
@@ -105,7 +105,7 @@ def test_a_singular_configuration_late_in_a_run_is_told() -> None:
     mapping["simulation"] |= {"rate": 1000.0}
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene, announce=None)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     start = replace(block, **{name: getattr(block, name)[:1] for name in ARRAYS})
     still = replace(start, **{name: np.repeat(getattr(start, name), BLOCK, 0) for name in ARRAYS})
     check_list = CheckList(scene, simulation.layout)
@@ -113,7 +113,7 @@ def test_a_singular_configuration_late_in_a_run_is_told() -> None:
         check_list.add(replace(still, t=still.t + (k - 20.0 + np.arange(BLOCK) / BLOCK)), TIGHT)
     for piece in pieces(block, 100):
         check_list.add(piece, TIGHT)
-    reported = {finding.watch: finding for finding in check_list.findings}
+    reported = {finding.check: finding for finding in check_list.findings}
     assert reported["singular configuration"].t == pytest.approx(1.6, abs=2e-3)
 
 
@@ -130,7 +130,7 @@ RATE = 1000.0
 def run() -> tuple[SampleBlock, SampleLayout]:
     """A ball thrown along the floor, which slips, then rolls."""
     simulation = Simulation(load_scene("thrown_ball", duration=30.0, rate=RATE), announce=None)
-    return simulation.run(watched=False).block, simulation.layout
+    return simulation.run(checks=False).block, simulation.layout
 
 
 def found_of_contacts(**columns: np.ndarray) -> tuple[dict[str, Finding], CheckList]:
@@ -139,7 +139,7 @@ def found_of_contacts(**columns: np.ndarray) -> tuple[dict[str, Finding], CheckL
     for piece in pieces(replace(block, **columns)):
         here = tuple(e for e in block.events if piece.t[0] - 1.0 / RATE < e.t <= piece.t[-1])
         check_list.add(replace(piece, events=here), TIGHT_CONTACTS)
-    return {finding.watch: finding for finding in check_list.findings}, check_list
+    return {finding.check: finding for finding in check_list.findings}, check_list
 
 
 def test_a_ball_that_rolls_on_ends_without_a_word() -> None:
@@ -166,4 +166,4 @@ def test_events_are_counted_however_late_they_come() -> None:
         contact = layout.contacts[0]
         many = (ContactEvent(float(piece.t[0]), contact, "impact"),) * (2000 * CHATTER)
         check_list.add(replace(piece, events=many if i == 20 else ()), TIGHT_CONTACTS)
-    assert {finding.watch for finding in check_list.findings} == {"events"}
+    assert {finding.check for finding in check_list.findings} == {"events"}

@@ -225,7 +225,7 @@ def test_what_a_drag_takes_up_between_two_samples_is_in_doubt(load: float) -> No
     lost = replace(run.block, kinetic_energy=run.block.kinetic_energy * (1.0 + 0.3 * run.t))
     check_list = CheckList(simulation.scene, simulation.layout, simulation.compiled)
     check_list.add(lost, Effort("dopri853", None, 1e-10, 10))
-    assert [found.watch for found in check_list.findings] == ["energy"]
+    assert [found.check for found in check_list.findings] == ["energy"]
 
 
 @pytest.mark.parametrize("dragged", ["bob", "other", ""])
@@ -251,5 +251,5 @@ def test_a_drag_on_another_body_does_not_hide_energy_that_is_lost(dragged: str) 
     energy = check_list.ledger.energy()
     assert energy is not None
     assert max(abs(energy["error"]), energy["quadrature"]) > 0.1 * energy["scale"]
-    reported = "energy" in [finding.watch for finding in check_list.findings]
+    reported = "energy" in [finding.check for finding in check_list.findings]
     assert reported == (dragged != "bob")

@@ -64,7 +64,7 @@ def test_the_global_error_is_that_of_the_closed_form(simulation: dict[str, Any])
     assert run.global_error is not None
     assert run.global_error.relative == pytest.approx(true_error(run), rel=0.25)
     assert run.global_error.body == "b"
-    reported = any(found.watch == "global error" for found in run.findings)
+    reported = any(found.check == "global error" for found in run.findings)
     assert reported == (run.global_error.relative > 1e-2)
 
 
@@ -116,7 +116,7 @@ def test_a_load_that_is_at_one_phase_in_all_steps_is_seen(method: str, periods: 
     assert np.abs(run.position["b"][:, 0] - exact).max() > 0.3 * exact.max()
     assert run.global_error is not None
     assert run.global_error.relative > 0.1
-    assert "global error" in {found.watch for found in run.findings}
+    assert "global error" in {found.check for found in run.findings}
 
 
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
@@ -258,7 +258,7 @@ def test_a_motion_that_samples_do_not_show_is_compared_between_them() -> None:
 @pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
 def test_a_motion_that_starts_anywhere_is_checked_from_there() -> None:
     simulation = Simulation(oscillation(method="rk4", step=0.1))
-    first = simulation.run(1.0, watched=False)
+    first = simulation.run(1.0, checks=False)
     assert first.global_error is None
     second = simulation.run(2.0, check=True)
     x, v = first.position["b"][-1, 0], first.linear_velocity["b"][-1, 0]
@@ -287,7 +287,7 @@ def test_auto_that_cannot_assure_its_error_warns() -> None:
     assert simulation.choice is not None and not simulation.choice.reached
     with pytest.warns(match="cannot be"):
         run = simulation.run()
-    (found,) = [found for found in run.findings if found.watch == "auto"]
+    (found,) = [found for found in run.findings if found.check == "auto"]
     assert found.bound == 1e-12 < found.figure
 
 
@@ -428,7 +428,7 @@ def test_nobody_makes_a_second_run_who_is_not_to() -> None:
     simulation = Simulation(oscillation(method="rk4", step=0.01))
     assert simulation.run(check=False).global_error is None
     simulation.reset()
-    assert simulation.run(watched=False).global_error is None
+    assert simulation.run(checks=False).global_error is None
 
 
 def test_a_run_at_rest_in_contact_has_no_error() -> None:

@@ -95,7 +95,7 @@ def followed(
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
     watch = Conditioning(scene, simulation.layout)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     for part in np.array_split(np.arange(len(block)), pieces):
         watch.add(cut(block, part))
     return watch.found
@@ -138,7 +138,7 @@ def test_what_lies_between_samples_is_seen_on_the_motion_itself(turn: float, roc
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         findings = Simulation(scene, announce=None).run(check=False).findings
-    reported = [found.t for found in findings if found.watch == "singular configuration"]
+    reported = [found.t for found in findings if found.check == "singular configuration"]
     change_point = [pytest.approx((math.pi - ANGLE) / SPEED, abs=2e-3)]
     assert reported == (change_point if rocker == 1.0 else [])
 
@@ -218,11 +218,11 @@ def test_it_is_one_finding_with_time_and_constraint():
     scene = scene_from_mapping(four_bar(2.0))
     simulation = Simulation(scene)
     check_list = CheckList(scene, simulation.layout)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     for _ in range(2):
         check_list.add(block, Effort("rk4", 1e-3, None, 1000))
     reported = [
-        finding for finding in check_list.findings if finding.watch == "singular configuration"
+        finding for finding in check_list.findings if finding.check == "singular configuration"
     ]
     assert len(reported) == 1
     assert (reported[0].where, reported[0].t) == ("coupler", pytest.approx(0.6472, abs=2e-3))
@@ -324,11 +324,11 @@ def test_steps_near_a_singular_configuration_are_not_moved_by_round_off() -> Non
     for tolerance in (1e-9, 1e-11):
         links = parallelograms()
         links["simulation"]["tolerance"] = tolerance
-        run = Simulation(scene_from_mapping(links)).run(watched=False)
+        run = Simulation(scene_from_mapping(links)).run(checks=False)
         assert np.abs(run.energy - run.energy[0]).max() < 1e-5
     bars = four_bar(1.0)
     bars["simulation"] = {"duration": 4.0, "rate": 20.0, "method": "dopri853", "tolerance": 1e-12}
-    run = Simulation(scene_from_mapping(bars)).run(watched=False)
+    run = Simulation(scene_from_mapping(bars)).run(checks=False)
     angle = ANGLE + SPEED * run.t
     exact = np.stack([1.0 + 0.5 * np.cos(angle), 0.0 * angle, 0.5 * np.sin(angle)], axis=1)
     assert np.abs(run.position["rocker"] - exact).max() < 5e-8
@@ -339,12 +339,12 @@ def test_beyond_a_singular_configuration_no_tighter_tolerance_is_advised() -> No
     mapping["simulation"]["duration"] = 1.5
     scene = scene_from_mapping(mapping)
     simulation = Simulation(scene)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     energies = np.where(block.t > 1.2, 1e-3 * abs(block.kinetic_energy).max(), 0.0)
     check_list = CheckList(scene, simulation.layout)
     jumped = replace(block, kinetic_energy=block.kinetic_energy + energies)
     check_list.add(jumped, Effort("dopri853", None, 1e-11, simulation.steps))
-    advice = {finding.watch: finding.advice for finding in check_list.findings}
+    advice = {finding.check: finding.advice for finding in check_list.findings}
     assert "singular configuration" in advice
     assert "a tighter tolerance does not help" in advice["energy"]
 
@@ -357,7 +357,7 @@ def test_no_error_is_stated_of_what_is_beyond_one(method: str, tolerance: float)
     mapping = parallelograms()
     mapping["simulation"] |= {"method": method, "tolerance": tolerance, "duration": 1.5}
     run = Simulation(scene_from_mapping(mapping), announce=None).run()
-    (reported,) = [found for found in run.findings if found.watch == "singular configuration"]
+    (reported,) = [found for found in run.findings if found.check == "singular configuration"]
     error = run.global_error
     assert error is not None and error.upto == reported.t < 1.0
     assert "not known beyond the singular configuration" in str(error)
@@ -380,7 +380,7 @@ def failure(mapping: dict[str, Any], method: str, step: float | None) -> Simulat
     options |= {"method": method} | ({} if step is None else {"step": step})
     simulation = Simulation(scene_from_mapping(mapping | {"simulation": options}), announce=None)
     with pytest.raises(SimulationError) as caught:
-        simulation.run(watched=False)
+        simulation.run(checks=False)
     return caught.value
 
 
@@ -518,7 +518,7 @@ def seen_often(tolerance: float) -> Simulation:
 
 
 def test_samples_are_taken_in_parts_where_the_step_to_them_fails() -> None:
-    run = seen_often(1e-6).run(check=False, watched=False)
+    run = seen_often(1e-6).run(check=False, checks=False)
     turn = run.orientation["crank"]
     angle = np.unwrap(2.0 * np.arctan2(-turn[:, 1], turn[:, 3]))
     # no load: the links keep their speed
@@ -536,7 +536,7 @@ def test_a_sample_that_no_step_comes_to_ends_the_run() -> None:
             rows.append(block.position)
 
     try:
-        seen_often(1e-8).run(check=False, watched=False, sinks=[Rows()])
+        seen_often(1e-8).run(check=False, checks=False, sinks=[Rows()])
     except SimulationError as error:
         assert "singular configuration at t = 0.647" in str(error)
     assert np.isfinite(np.concatenate(rows)).all()

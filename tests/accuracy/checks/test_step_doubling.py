@@ -78,7 +78,7 @@ def watched(simulation: Simulation) -> CheckList:
 def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
     """It keeps the energy to round-off, so that no balance shows it."""
     check_list = watched(oscillator("gauss6", turn / W))
-    (found,) = (finding for finding in check_list.findings if finding.watch == "step")
+    (found,) = (finding for finding in check_list.findings if finding.check == "step")
     assert found.where == "bob"
     energy: Any = check_list.ledger.energy()
     assert energy["relative"] < 1e-9
@@ -92,7 +92,7 @@ def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float) ->
     check_list = watched(simulation)
     phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
     assert 0.3 * 300 * phase < simulation.missed.share < 3.0 * 300 * phase
-    (found,) = (finding for finding in check_list.findings if finding.watch == "step")
+    (found,) = (finding for finding in check_list.findings if finding.check == "step")
     assert found.where == "bob"
 
 
@@ -137,7 +137,7 @@ def test_a_spin_that_hardly_moves_a_rod_hides_nothing(method: str, turn: float) 
     check_list = watched(simulation)
     phase = {"gauss6": turn**7 / 100800.0, "rk4": turn**5 / 120.0}[method]
     assert 0.5 * 300 * phase < simulation.missed.share < 1.5 * 300 * phase
-    assert "step" in [finding.watch for finding in check_list.findings]
+    assert "step" in [finding.check for finding in check_list.findings]
 
 
 @pytest.mark.parametrize("floor", [False, True], ids=["free", "in contact"])
@@ -165,7 +165,7 @@ def test_a_load_that_beats_with_the_step_is_told(method: str, periods: int) -> N
     step = 0.1
     beats = load | {"angular_frequency": 4.0 * math.pi * periods / step}
     found = watched(thrown(beats, step, method, 20)).findings
-    assert ["ball"] == [finding.where for finding in found if finding.watch == "step"]
+    assert ["ball"] == [finding.where for finding in found if finding.check == "step"]
 
 
 def test_a_probe_does_not_touch_the_run() -> None:
@@ -228,7 +228,7 @@ def test_what_happens_in_the_middle_of_a_short_run_is_told(step: float, steps: i
 def test_a_step_that_follows_through_where_nothing_accelerates_is_not(turn: float) -> None:
     """At the anchor the velocity hardly changes in a step, less than Euler's misses of it."""
     check_list = watched(oscillator("euler", turn / W, round(2.0 * math.pi / turn)))
-    assert "step" not in [finding.watch for finding in check_list.findings]
+    assert "step" not in [finding.check for finding in check_list.findings]
 
 
 def thrown(effect: dict[str, Any], step: float, method: str, steps: int) -> Simulation:
@@ -253,7 +253,7 @@ def test_a_run_that_ends_before_it_overflows_is_told(steps: int) -> None:
     four steps show nothing, and one does."""
     oil = {"type": "quadratic_drag", "coefficient": 1000.0}
     check_list = watched(thrown(oil, 0.1, "euler", steps))
-    assert "step" in [finding.watch for finding in check_list.findings]
+    assert "step" in [finding.check for finding in check_list.findings]
 
 
 @pytest.mark.parametrize("method", ["euler", "rk4", "gauss6"])
@@ -261,7 +261,7 @@ def test_a_load_that_is_missed_and_hardly_matters_is_not(method: str) -> None:
     """1e-7 N at a radian and a half a step: what is missed is 1e-8 of a way of 10 m."""
     load = {"type": "wrench", "force": [0.0, 0.0, 0.0], "sine_force": [1e-7, 0.0, 0.0]}
     simulation = thrown(load | {"angular_frequency": 15.0}, 0.1, method, 100)
-    assert "step" not in [finding.watch for finding in watched(simulation).findings]
+    assert "step" not in [finding.check for finding in watched(simulation).findings]
 
 
 def test_a_start_that_the_run_did_not_have_is_not_looked_at() -> None:
@@ -296,7 +296,7 @@ def test_a_spin_about_a_thin_axis_that_gauss6_does_not_damp_is_told(
     """Its factor of a decay goes to -1 with the step, where the decay's goes to 0: by momenta the
     rod hardly has that spin, and its attitude goes wrong by it all the same."""
     found = watched(damped_rod("gauss6", step, apart=apart, rate=rate)).findings
-    assert ["rod"] == [finding.where for finding in found if finding.watch == "step"]
+    assert ["rod"] == [finding.where for finding in found if finding.check == "step"]
 
 
 def test_a_stiff_method_is_named_where_only_far_smaller_steps_do() -> None:
@@ -329,4 +329,4 @@ def test_an_attitude_that_a_step_misses_is_told() -> None:
 def test_time_stepping_is_probed_in_contact(turn: float, told: bool) -> None:
     """On a spring along a floor: of the change of its velocity a step misses w h / 2."""
     found = watched(oscillator("time_stepping", turn / W, floor=True)).findings
-    assert ("step" in {finding.watch for finding in found}) == told
+    assert ("step" in {finding.check for finding in found}) == told

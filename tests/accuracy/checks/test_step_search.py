@@ -169,7 +169,7 @@ def failure(scene: Any) -> str:
     """How the run failed; a warning of Python's, of numbers that overflow, fails the test."""
     with pytest.raises(SimulationError) as caught, warnings.catch_warnings():
         warnings.simplefilter("error")
-        Simulation(load_scene(scene), announce=None).run(watched=False)
+        Simulation(load_scene(scene), announce=None).run(checks=False)
     return str(caught.value)
 
 

@@ -132,7 +132,7 @@ def found(scene: dict[str, Any], method: dict[str, Any]) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         run = Simulation(load_scene(scene, **method)).run()
-    return run, [f for f in run.findings if f.watch == "inside"]
+    return run, [f for f in run.findings if f.check == "inside"]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -186,7 +186,7 @@ def test_errors_of_constraints_from_poses(tmp_path):
 def test_residual_of_our_bags_is_recomputed(tmp_path):
     """Whole as recorded; a shift of the recorded poses by a millimetre shows as that."""
     simulation = Simulation(load_scene("heavy_top", duration=0.2, rate=200))
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     offset = np.array([0.0, 1e-3, 0.0])
     for name, samples in (
         ("whole", block),

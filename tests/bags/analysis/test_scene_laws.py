@@ -27,7 +27,7 @@ def _run(name: str, duration: float):
     from rb_sim import Simulation
 
     scene = load_scene(name, duration=duration, rate=20 / duration)
-    return Simulation(scene).run(watched=False).block
+    return Simulation(scene).run(checks=False).block
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -55,7 +55,7 @@ def test_turns_of_a_torsion_spring_are_counted_over_the_samples():
     from tests.catalogue.test_effects import wound
 
     simulation = wound("reduced", 50.0)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     laws, half = SceneLaws(simulation.scene), len(block) // 2
     y = coordinates(block)
     for part in (slice(0, half), slice(half, None), slice(0, half), slice(half, None)):

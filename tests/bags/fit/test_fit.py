@@ -88,7 +88,7 @@ def refit(name: str, seed: int, noise: tuple[float, float] | None) -> dict[str, 
     truth, starts = SCENES[name]
     scene = load_scene(truth | {"simulation": TIMES})
     simulation = Simulation(scene)
-    block = simulation.run(watched=False).block
+    block = simulation.run(checks=False).block
     tracks = tracks_of_blocks([block], scene, simulation.layout, "truth")
     (body,) = tracks.bodies
     track, rng = tracks.bodies[body], np.random.default_rng(seed)
@@ -192,7 +192,7 @@ def two_bodies(truth: dict[str, Any]):
     scene = load_scene(truth)
     simulation = Simulation(scene)
     tracks = tracks_of_blocks(
-        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+        [simulation.run(checks=False).block], scene, simulation.layout, "truth"
     )
     rng = np.random.default_rng(4)
     for name, which in (("a", slice(0, None, 2)), ("b", slice(5, None, 3))):
@@ -294,7 +294,7 @@ def both(name: str, method: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, int
     scene = load_scene(data)
     simulation = Simulation(scene)
     tracks = tracks_of_blocks(
-        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+        [simulation.run(checks=False).block], scene, simulation.layout, "truth"
     )
     (body,) = tracks.bodies
     problem = _Problem(Recording(tracks, {body: body}), scene, data, free_numbers(data, KEYS[name]))

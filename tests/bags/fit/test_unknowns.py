@@ -51,7 +51,7 @@ def recorded(data: dict[str, Any]) -> Recording:
     scene = load_scene(data)
     simulation = Simulation(scene)
     tracks = tracks_of_blocks(
-        [simulation.run(watched=False).block], scene, simulation.layout, "truth"
+        [simulation.run(checks=False).block], scene, simulation.layout, "truth"
     )
     (body,) = tracks.bodies
     track, rng = tracks.bodies[body], np.random.default_rng(1)

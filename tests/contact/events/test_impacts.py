@@ -52,7 +52,7 @@ def speeds(masses: list[float], first: int, e: float, impacts: str) -> list[floa
     from rb_sim import Simulation
 
     mapping = row_of_balls(masses, first, e, impacts)
-    block = Simulation(load_scene(mapping)).run(watched=False).block
+    block = Simulation(load_scene(mapping)).run(checks=False).block
     return block.linear_velocity[-1, :, 0].tolist()
 
 
@@ -95,7 +95,7 @@ def test_what_is_as_fast_strikes_as_one() -> None:
         )
         mapping = scene(start, touch(restitution=e), gravity=False)
         mapping["simulation"] = {"duration": 0.02, "rate": 50.0, "impacts": "one_by_one"}
-        run = Simulation(mapping).run(watched=False)
+        run = Simulation(mapping).run(checks=False)
         spin = turn.apply(run.angular_velocity["body"][-1])
         across = np.array([-np.sin(heading), np.cos(heading), 0.0])
         assert_allclose(run.linear_velocity["body"][-1], [0.0, 0.0, push - v], atol=1e-9)
@@ -142,7 +142,7 @@ def slip_after(friction: dict[str, Any], slip: float = SLIP, **simulation: Any) 
     floor = touch(restitution=E, friction=friction, points=[[0.0, 0.0, 0.0]])
     mapping = scene(start, floor, gravity=False)
     mapping["simulation"] = {"duration": 0.1, "rate": 100.0} | simulation
-    run = Simulation(load_scene(mapping)).run(watched=False)
+    run = Simulation(load_scene(mapping)).run(checks=False)
     assert run.linear_velocity["body"][-1, 2] == pytest.approx(E * FALL, rel=1e-9)
     return float(run.linear_velocity["body"][-1, 0])
 
@@ -199,7 +199,7 @@ TIMES = {"duration": 0.01, "rate": 100.0, "method": "dopri853", "tolerance": 1e-
 def landed(thing: dict[str, Any], mu: float = MU) -> Simulation:
     mapping = scene(thing, touch(mu=mu)) | {"simulation": TIMES}
     simulation = Simulation(load_scene(mapping), announce=None)
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     return simulation
 
 
@@ -244,7 +244,7 @@ def test_three_points_share_a_push_in_one_way() -> None:
     feet = [[0.1, 0.0, -0.05], [-0.1, 0.1, -0.05], [-0.1, -0.1, -0.05]]
     mapping = scene(brick([1.0, 0.0], 5.0), touch(mu=MU, points=feet)) | {"simulation": TIMES}
     simulation = Simulation(load_scene(mapping), announce=None)
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     assert reported(simulation) == 0
     assert sum(event.kind == "impact" for event in simulation.events) == 3
 
@@ -257,7 +257,7 @@ def test_feet_share_an_impact_by_the_least_impulses() -> None:
     mapping = scene(brick([0.0, 0.0], 0.0), touch(points=places), gravity=False)
     mapping |= {"simulation": TIMES}
     simulation = Simulation(load_scene(mapping), announce=None)
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     events = [event for event in simulation.events if event.kind == "impact"]
     found = [event.impulse[2] for event in sorted(events, key=lambda event: event.contact)]
     J = np.column_stack([np.ones(5), feet[:, 1], -feet[:, 0]])  # of v_z, w_x, w_y
@@ -273,7 +273,7 @@ def test_a_box_that_tips_over_an_edge_ends_alike_at_every_tolerance() -> None:
     for tolerance in (1e-10, 1e-11, 1e-12):
         times = {"duration": 0.5, "rate": 20.0, "method": "dopri853", "tolerance": tolerance}
         simulation = Simulation(load_scene(mapping | {"simulation": times}), announce=None)
-        ends.append(simulation.run(watched=False).position["b"][-1])
+        ends.append(simulation.run(checks=False).position["b"][-1])
         assert reported(simulation) == 1
     for end in ends[1:]:
         np.testing.assert_allclose(end, ends[0], atol=1e-8)

@@ -66,10 +66,10 @@ def test_a_run_counts_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
     mapping["simulation"]["duration"] = 0.2
     monkeypatch.setattr(limits, "STALLED_EVENTS", 3)
     monkeypatch.setattr(limits, "STALLED_TIME", 1e-12)
-    Simulation(load_scene(mapping)).run(watched=False)
+    Simulation(load_scene(mapping)).run(checks=False)
     monkeypatch.setattr(limits, "STALLED_TIME", 1e3)
     with pytest.raises(SimulationError, match=f"{TOOL}$"):
-        Simulation(load_scene(mapping)).run(watched=False)
+        Simulation(load_scene(mapping)).run(checks=False)
 
 
 def test_what_gives_way_and_hardly_slips_is_no_paradox() -> None:
@@ -144,7 +144,7 @@ def test_a_run_that_creeps_names_a_step_that_does_not(monkeypatch: pytest.Monkey
     simulation = Simulation(load_scene(mapping))
     match = "steps in the last .* step 0.05 s is too large here; use step .* runs to the end"
     with pytest.raises(StepTooLargeError, match=match):
-        simulation.run(watched=False)
+        simulation.run(checks=False)
 
 
 # No LinAlgError leaves the contacts: what linear algebra cannot do is one line.
@@ -164,7 +164,7 @@ def run_with_a_failing(module: str, name: str) -> str:
         simulation = Simulation(load_scene(mapping))
         patch.setattr(importlib.import_module(module), name, fail)
         try:
-            simulation.run(watched=False)
+            simulation.run(checks=False)
         except SimulationError as error:
             return str(error)
     return "ran"

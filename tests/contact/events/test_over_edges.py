@@ -115,7 +115,7 @@ def test_a_point_slides_off_a_table_that_turns(shape: dict, method: dict) -> Non
     span = 0.2
     run = Simulation(
         load_scene(scene(shape, False, duration=when + span, rate=200, **method)), announce=None
-    ).run(at=[0.0, 0.5 * when, when + span], watched=False)
+    ).run(at=[0.0, 0.5 * when, when + span], checks=False)
     (event,) = [event for event in run.events if event.kind == "opens"]
     assert event.kind == "opens" and abs(event.t - when) < 1e-10
     (e1, e3), (v, w) = axes(state[2]), (state[4:6], state[6])
@@ -137,7 +137,7 @@ def test_a_point_slides_off_a_slope_at_any_speed(shape: dict) -> None:
     """From rest at the top, faster and faster: s = g sin(tilt) t^2 / 2, then a parabola."""
     mapping = scene(shape, True, duration=1.2, rate=100, tolerance=1e-11)
     mapping["bodies"]["point"]["linear_velocity"] = [0.0, 0.0, 0.0]
-    run = Simulation(load_scene(mapping), announce=None).run(watched=False)
+    run = Simulation(load_scene(mapping), announce=None).run(checks=False)
     down = G * np.sin(TILT)
     when = np.sqrt(2.0 * (HALF - START) / down)
     (event,) = [event for event in run.events if event.kind == "opens"]
@@ -157,5 +157,5 @@ def test_a_bilateral_contact_ends_at_the_edge(method: dict) -> None:
     mapping["constraints"]["slide"]["mode"] = "bilateral"
     simulation = Simulation(load_scene(mapping), announce=None)
     with pytest.raises(SimulationError, match="contact slide reaches the edge") as reported:
-        simulation.run(watched=False)
+        simulation.run(checks=False)
     assert f"t = {when:.6f}" in str(reported.value)

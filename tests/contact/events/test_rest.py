@@ -156,7 +156,7 @@ def box_of_compliant(lean: float = 0.0, **simulation: Any) -> Simulation:
 @pytest.mark.parametrize("lean", [0.0, 0.2])
 def test_it_comes_to_rest(lean: float) -> None:
     simulation = box_of_compliant(lean, duration=1.0, rate=200)
-    found = simulation.run(watched=False)
+    found = simulation.run(checks=False)
     assert simulation.steps < 20_000
     assert [e.kind for e in simulation.events[-4:]] == ["sticks"] * 4
     for velocity in (found.linear_velocity["box"][-1], found.angular_velocity["box"][-1]):
@@ -170,7 +170,7 @@ def test_it_comes_to_rest(lean: float) -> None:
 
 def test_on_the_way_it_moves_as_an_independent_program_says() -> None:
     """At 0.12 s corners slip by some 1e-5 m/s, and have stuck six times."""
-    found = box_of_compliant(duration=0.12, rate=100).run(watched=False)
+    found = box_of_compliant(duration=0.12, rate=100).run(checks=False)
     for name, (expected, off) in REFERENCE.items():
         np.testing.assert_allclose(getattr(found, name)["box"][-1], expected, rtol=0.0, atol=off)
 
@@ -204,7 +204,7 @@ def test_what_has_stopped_is_held_by_static_friction(tolerance: float) -> None:
         "simulation": {"duration": 0.5, "tolerance": tolerance, "method": "dopri853"},
     }
     simulation = Simulation(scene_from_mapping(scene))
-    found = simulation.run(watched=False)
+    found = simulation.run(checks=False)
     assert [e.kind for e in simulation.events] == ["closes", "slips", "sticks"]
     stopped = found.position["b"][found.t > 0.01, 0]
     assert np.ptp(stopped) < 1e-12
@@ -219,7 +219,7 @@ def test_one_corner_that_creeps_near_the_bound_of_friction_rests() -> None:
         mapping = toss(77, 432).mapping
         times = {"duration": 0.3, "tolerance": tolerance, "method": "dopri853"}
         simulation = Simulation(scene_from_mapping(mapping | {"simulation": times}))
-        ends.append(simulation.run(watched=False).position["b"][-1])
+        ends.append(simulation.run(checks=False).position["b"][-1])
         assert simulation.steps < 5000
     np.testing.assert_allclose(*ends, rtol=0.0, atol=1e-8)
 

@@ -128,7 +128,7 @@ def steps_of_a_bounce(damping: float) -> int:
     mapping = scene(ball([0.0, 0.0, 0.3]), soft)
     mapping["simulation"]["duration"] = 0.3
     simulation = Simulation(load_scene(mapping))
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     assert len(simulation.events) == 2
     return simulation.steps
 
@@ -256,7 +256,7 @@ def test_nothing_falls_through(number):
         "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -G]}},
         "simulation": {"duration": rng.uniform(1, 4), "rate": float(rng.choice([1, 10, 100]))},
     }
-    run = Simulation(load_scene(scene)).run(watched=False)
+    run = Simulation(load_scene(scene)).run(checks=False)
     inmost = depth(shape, radius, run.position["ball"]).max()
     assert inmost < 1e-9 * (radius + abs(far[0]))
     t = np.linspace(0.0, run.t[-1], FINE)
@@ -298,7 +298,7 @@ def tumbling(seed: int, radius: float, spin: float, contact: dict[str, Any]) -> 
 def deepest(scene: dict[str, Any], points: np.ndarray, tolerance: float, duration: float) -> float:
     """How deep any of the points lies beyond the sphere in a sample, from poses alone [m]."""
     options = {"method": "dopri853", "tolerance": tolerance, "duration": duration, "rate": 60.0}
-    run = Simulation(load_scene(scene | {"simulation": options})).run(check=False, watched=False)
+    run = Simulation(load_scene(scene | {"simulation": options})).run(check=False, checks=False)
     sphere = scene["constraints"]["c"]["surface"]
     turned = Rotation.from_quat(run.orientation["b"]).as_matrix()
     places = run.position["b"][:, None] + points @ turned.transpose(0, 2, 1) - sphere["center"]
@@ -370,7 +370,7 @@ SCENE: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def often() -> Any:
     """The run with many samples inside a step."""
-    return Simulation(load_scene(SCENE)).run(watched=False)
+    return Simulation(load_scene(SCENE)).run(checks=False)
 
 
 def test_every_sample_is_a_state(often: Any) -> None:
@@ -385,7 +385,7 @@ def test_every_sample_is_a_state(often: Any) -> None:
 def test_seldom_samples_show_the_same_motion(often: Any) -> None:
     """What is done for a sample does not change the steps."""
     options = SCENE["simulation"] | {"rate": 50.0}
-    seldom = Simulation(load_scene(SCENE | {"simulation": options})).run(watched=False)
+    seldom = Simulation(load_scene(SCENE | {"simulation": options})).run(checks=False)
     np.testing.assert_array_equal(often.position["b"][-1], seldom.position["b"][-1])
 
 
@@ -432,5 +432,5 @@ def test_disk_that_lays_itself_down_gains_nothing(spin: float, across: float) ->
         linear_velocity=[0.0, 0.0, -spin * r * float(np.cos(tilt))],
     )
     mapping = scene(start, touch()) | {"simulation": {"duration": 0.3, "tolerance": 3e-3}}
-    energy = Simulation(load_scene(mapping)).run(watched=False).energy
+    energy = Simulation(load_scene(mapping)).run(checks=False).energy
     assert energy.max() <= 1.01 * energy[0]

@@ -79,7 +79,7 @@ def door(tolerance: float, arm: float, *, gives: bool) -> Simulation:
 def test_a_pad_close_to_the_hinge(tolerance: float, arm: float, bound: float) -> None:
     """Wrong by 0.02 and 1e-8 of its spin. Far from the hinge the slip is as slow as that only in
     its last instant."""
-    found = door(tolerance, arm, gives=False).run(watched=False)
+    found = door(tolerance, arm, gives=False).run(checks=False)
     expected = np.maximum(0.0, SPIN - braking(arm) * found.t)
     assert expected[-1] == 0.0
     np.testing.assert_allclose(
@@ -91,7 +91,7 @@ def test_a_pad_close_to_the_hinge(tolerance: float, arm: float, bound: float) ->
 def test_a_pad_on_what_gives_way(tolerance: float, bound: float) -> None:
     """Its slip is followed by implicit steps; at 1e-4 the spin was wrong by 0.14 of it."""
     simulation = door(tolerance, 1e-3, gives=True)
-    found = simulation.run(watched=False)
+    found = simulation.run(checks=False)
     expected = np.maximum(0.0, SPIN - braking(1e-3) * found.t)
     np.testing.assert_allclose(
         found.angular_velocity["door"][:, 2], expected, rtol=0.0, atol=bound * SPIN
@@ -290,7 +290,7 @@ however fast friction turns it, down to 10 nm/s: some 10 ns before the end."""
 def test_a_slip_ends_when_its_laws_say_so(tolerance: float) -> None:
     """At 1e-8 errors keep it alive, at 1e-9 the run is refused."""
     simulation = Simulation(load_scene(rim(method="dopri853", tolerance=tolerance)))
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     (end,) = (event.t for event in simulation.events if event.kind == "sticks")
     assert end == pytest.approx(ENDS, abs=2e-8 + 10.0 * tolerance)
     assert simulation.steps < 10_000
@@ -300,7 +300,7 @@ def test_a_slip_at_the_bound_of_friction_takes_no_steps_without_end() -> None:
     """What would end it is less than a ten-thousandth of what friction gives: in steps that no
     error turns aside it went on for millions of them."""
     simulation = Simulation(load_scene(toss(271, 9).mapping))
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     assert simulation.time == pytest.approx(0.6)
     assert simulation.steps < 10_000
 
@@ -376,7 +376,7 @@ def test_a_box_at_the_very_threshold_of_slipping_rests(mu: float) -> None:
     mapping = scene(start, touch(mu=mu, surface={"type": "plane", "normal": normal.tolist()}))
     mapping["simulation"] = {"duration": 0.1, "rate": 100.0, "tolerance": 1e-9}
     simulation = Simulation(load_scene(mapping))
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     assert np.abs(run.position["body"] - run.position["body"][0]).max() <= 1e-15
     assert {event.kind for event in simulation.events} <= {"closes", "sticks"}
     corners = [run.reaction[name].force for name in run.layout.reactions if "/" in name]

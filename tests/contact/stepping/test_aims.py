@@ -64,9 +64,9 @@ def sent_off(
         ground = {"type": "sphere", "radius": 1.0, "center": [60.0, 0.0, 0.0]}
         scene["constraints"] |= {"far": {"type": "contact", "body": "egg", "surface": ground}}  # type: ignore[operator]
     simulation = Simulation(load_scene(scene), announce=None)
-    run = simulation.run(watched=False)
+    run = simulation.run(checks=False)
     found = found_in(run.block, effort_of(simulation), 1.0)
-    reported = [finding.where for finding in found if finding.watch == "contact steps"]
+    reported = [finding.where for finding in found if finding.check == "contact steps"]
     return simulation, run.linear_velocity["ball"][-1], reported
 
 
@@ -196,7 +196,7 @@ def test_whatever_is_thrown_at_something_round_goes_its_way(shape: str, post: st
         for how in ({}, {"method": "time_stepping", "step": 1e-2}):
             scene = load_scene(at_a_post(shape, post, number, **how))
             simulation = Simulation(scene, announce=None)
-            ends.append(simulation.run(watched=False).block.linear_velocity[-1])
+            ends.append(simulation.run(checks=False).block.linear_velocity[-1])
             struck += len(simulation.events)
         np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=2e-3 * SPEED)
     assert struck >= 3
@@ -233,7 +233,7 @@ def test_one_that_strikes_several_ends_where_events_lead() -> None:
             Simulation(load_scene(thrown(number, **how)), announce=None)
             for how in ({}, {"method": "time_stepping", "step": 1e-2})
         ]
-        exact, found = (simulation.run(watched=False) for simulation in simulations)
+        exact, found = (simulation.run(checks=False) for simulation in simulations)
         strikes += bool(simulations[0].events)
         bound = 5e-3 if len(simulations[0].events) > 4 else 1e-3
         error = found.linear_velocity["ball"][-1] - exact.linear_velocity["ball"][-1]

@@ -41,7 +41,7 @@ def stepped(step: float) -> Any:
     """The trajectory over 0.25 s of a disk that lands on its rim, without friction."""
     mapping = scene(START, touch())
     mapping["simulation"] = stepping(0.25, 40.0, step)
-    return Simulation(mapping).run(watched=False)
+    return Simulation(mapping).run(checks=False)
 
 
 def test_a_disk_that_lands_on_its_rim() -> None:
@@ -131,7 +131,7 @@ def rolls() -> int:
     mapping = scene(stone, touch(mu=50.0))
     mapping["simulation"] = stepping(0.2, 50.0, 2e-3)
     simulation = Simulation(mapping)
-    simulation.run(watched=False)
+    simulation.run(checks=False)
     return simulation.paradox_steps
 
 
@@ -205,7 +205,7 @@ def test_a_table_that_shakes_carries_a_ball(step: float) -> None:
     shaken = {"type": "shaken", "direction": [0, 0, 1], "amplitude": amplitude}
     contact = touch(motion=shaken | {"frequency": frequency / (2.0 * np.pi)})
     mapping = scene(lying, contact) | {"simulation": stepping(0.6, 100.0, step)}
-    run = Simulation(mapping).run(watched=False)
+    run = Simulation(mapping).run(checks=False)
     t, a = run.t, amplitude * frequency**2
     speed = run.linear_velocity["body"][:, 2]
     assert_allclose(speed, a / frequency * np.cos(frequency * t), atol=0.015 * step)

@@ -45,7 +45,7 @@ def pull_of_a_pendulum(step: float) -> float:
         "effects": {"weight": {"type": "gravity", "acceleration": [0.0, 0.0, -g]}},
         "simulation": {"duration": 0.8, "rate": 50.0, "method": "time_stepping", "step": step},
     }
-    run = Simulation(scene_from_mapping(with_ball(scene))).run(watched=False)
+    run = Simulation(scene_from_mapping(with_ball(scene))).run(checks=False)
     along = run.position["rod"][1:] / length  # away from the pin
     across = np.stack([-along[:, 2], 0.0 * along[:, 0], along[:, 0]], 1)  # upwards at the start
     about = moment + mass * length**2
@@ -73,7 +73,7 @@ def test_joints_too_many_to_be_solved_together_hold_what_is_struck() -> None:
     top = touch("ball", parent="b0", surface={"type": "shape"}, restitution=0.5)
     mapping = scene(bodies, welds | {"top": top}, gravity=False)
     mapping["simulation"] = {"duration": 0.002, "method": "time_stepping", "step": 1e-3}
-    run = Simulation(scene_from_mapping(mapping)).run(at=[0.002], watched=False)
+    run = Simulation(scene_from_mapping(mapping)).run(at=[0.002], checks=False)
     assert_allclose(run.linear_velocity["ball"][-1], [0.0, 0.0, 0.5], atol=1e-9)
 
 

@@ -133,7 +133,7 @@ def test_corners_share_alike_where_the_block_turns_as_well(
     scene = clamped(3.2, COULOMB, False)
     scene["effects"]["twist"] = {"type": "wrench", "body": "block", "torque": [torque, 0.0, 0.0]}
     scene["simulation"] = method | {"duration": 0.03, "rate": 100.0}
-    found = Simulation(load_scene(scene)).run(watched=False)
+    found = Simulation(load_scene(scene)).run(checks=False)
     for finger in FINGERS:
         corners = [np.abs(found.reaction[f"on_{finger}/{i}"].force[1:, 0]) for i in range(1, 9)]
         pushing = [c for c in corners if c.max() > 0.0]
@@ -223,4 +223,4 @@ def test_a_table_that_turns_moves_as_by_events_and_says_what_is_open(size: float
 def test_a_block_that_comes_to_rest_leaves_nothing_open() -> None:
     """In the step in which it stops on the incline some corners still slip, and others do not."""
     run = Simulation(load_scene("incline_block", method="time_stepping", step=1e-3)).run(0.5)
-    assert not [found for found in run.findings if found.watch == "ambiguous"]
+    assert not [found for found in run.findings if found.check == "ambiguous"]

@@ -38,7 +38,7 @@ def momentum_error(mapping: dict[str, Any], duration: float = 0.5) -> float:
     """Largest difference over samples and bodies of m dv and impulses, over m g h + m |v|."""
     options = {"method": "time_stepping", "step": STEP, "duration": duration, "rate": 1.0 / STEP}
     scene = load_scene(mapping | {"simulation": options})
-    run = Simulation(scene).run(watched=False)
+    run = Simulation(scene).run(checks=False)
     worst = 0.0
     for name, body in scene.bodies.items():
         m, v = body.mass, run.linear_velocity[name]
@@ -82,7 +82,7 @@ def test_torques_of_a_ball_that_strikes_a_post_within_a_step() -> None:
     resists = {"rolling_resistance": 2e-3, "spinning_resistance": 5e-3, "surface": post}
     mapping["constraints"]["c"] |= {"friction": {"type": "coulomb", "static": 0.3}} | resists
     options = {"method": "time_stepping", "step": STEP, "duration": 0.02, "rate": 1.0 / STEP}
-    run = Simulation(load_scene(mapping | {"simulation": options})).run(watched=False)
+    run = Simulation(load_scene(mapping | {"simulation": options})).run(checks=False)
     turn, moment = Rotation.from_quat(run.orientation["b"]), 0.4 * 0.1**2
     gained = moment * np.diff(turn.apply(run.angular_velocity["b"]), axis=0)
     reaction = run.reaction["c"]
@@ -133,7 +133,7 @@ def test_of_shipped_scenes(name):
 def beyond_cone(mapping: dict[str, Any], duration: float) -> float:
     """By how much friction on planes exceeds mu N at most, over the largest N of the run."""
     options = mapping["simulation"] | {"duration": duration, "rate": 1000.0, "step": 1e-3}
-    run = Simulation(load_scene(mapping | {"simulation": options})).run(watched=False)
+    run = Simulation(load_scene(mapping | {"simulation": options})).run(checks=False)
     worst, largest = 0.0, 0.0
     for name, one in mapping["constraints"].items():
         surface = one.get("surface", {"type": "plane"})

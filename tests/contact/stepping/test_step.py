@@ -113,7 +113,7 @@ def test_no_impact_creates_energy(seed: int) -> None:
     rng, rebounds = np.random.default_rng(seed), 0
     for _ in range(10):
         lean, speed, spin = rng.uniform([-1.2, -3.0, -3.0], [1.2, 3.0, 3.0])
-        found = thrown(lean, speed, spin, **STEPS).run(watched=False)
+        found = thrown(lean, speed, spin, **STEPS).run(checks=False)
         assert np.diff(found.energy).max() <= 1e-12
         arm = -0.5 * np.array([np.sin(lean), np.cos(lean)])
         rises = found.linear_velocity["rod"][:, 2] - found.angular_velocity["rod"][:, 1] * arm[0]
@@ -123,7 +123,7 @@ def test_no_impact_creates_energy(seed: int) -> None:
 
 def test_a_rebound_that_creates_none_is_newtons() -> None:
     """Upright and without slip: v+ = -e v-."""
-    found = thrown(0.0, 0.0, 0.0, **STEPS).run(watched=False)
+    found = thrown(0.0, 0.0, 0.0, **STEPS).run(checks=False)
     assert found.linear_velocity["rod"][-1, 2] == pytest.approx(E, abs=1e-9)
 
 
@@ -132,7 +132,7 @@ def test_a_rebound_that_creates_none_is_newtons() -> None:
 )
 def test_one_that_would_create_some_is_poissons(start: tuple[float, float, float]) -> None:
     """As in the run that locates the impact; Newton's law gave 1.08 times the energy."""
-    ends = [thrown(*start, **how).run(watched=False).block for how in ({}, STEPS)]
+    ends = [thrown(*start, **how).run(checks=False).block for how in ({}, STEPS)]
     exact, found = (np.hstack([b.linear_velocity[-1], b.angular_velocity[-1]]) for b in ends)
     np.testing.assert_allclose(found, exact, rtol=0.0, atol=5e-3)
 
@@ -150,7 +150,7 @@ def test_a_box_that_lands_flat_with_e_1_keeps_its_energy(friction: float) -> Non
         "effects": {"g": {"type": "gravity"}},
         "simulation": {"duration": 3.0, "rate": 100, "method": "time_stepping", "step": 1e-3},
     }
-    found = Simulation(scene_from_mapping(scene)).run(watched=False)
+    found = Simulation(scene_from_mapping(scene)).run(checks=False)
     assert np.abs(found.angular_velocity["box"]).max() < 1e-3
     assert found.energy[-1] == pytest.approx(found.energy[0], rel=1e-4)
 
@@ -167,7 +167,7 @@ def test_friction_without_a_corner_is_that_of_the_normal_forces_of_its_step() ->
     ends = []
     for how in ({"method": "time_stepping", "step": 1e-3}, {"method": "dopri853"}):
         mapping["simulation"] = {"duration": 1e-3, "rate": 1e3} | how
-        block = Simulation(scene_from_mapping(mapping)).run(watched=False).block
+        block = Simulation(scene_from_mapping(mapping)).run(checks=False).block
         ends.append(np.hstack([block.linear_velocity[-1], block.angular_velocity[-1]])[0])
     began = np.array([1.0, 0.3, 0.0, 0.0, 0.0, 4.0])
     np.testing.assert_allclose(ends[0] - began, ends[1] - began, rtol=0.01, atol=1e-12)
@@ -193,8 +193,8 @@ def test_a_spring_that_has_lost_its_direction_ends_the_run() -> None:
     with pytest.raises(
         StepTooLargeError, match=r"no longer finite at t = 0 s: step 0\.1 s is too large"
     ):
-        Simulation(pulled(10.0)).run(watched=False)
-    assert np.isfinite(Simulation(pulled(10.1)).run(watched=False).energy).all()
+        Simulation(pulled(10.0)).run(checks=False)
+    assert np.isfinite(Simulation(pulled(10.1)).run(checks=False).energy).all()
 
 
 # What keeps touching, or rolls, keeps its energy to second order in the step, and gains none.
@@ -229,7 +229,7 @@ SCENES = {
 def run_of(name: str, **how: Any) -> Any:
     mapping = scene(*SCENES[name])
     mapping["simulation"] = {"duration": 0.4, "rate": 50.0} | how
-    return Simulation(mapping).run(watched=False)
+    return Simulation(mapping).run(checks=False)
 
 
 @pytest.mark.parametrize("name", list(SCENES))
@@ -253,7 +253,7 @@ def hopping(step: float) -> tuple[float, float]:
     mapping = scene(start, touch())
     mapping["simulation"] = {"duration": 0.1, "rate": 1.0 / step}
     mapping["simulation"] |= {"method": "time_stepping", "step": step}
-    run = Simulation(mapping).run(watched=False)
+    run = Simulation(mapping).run(checks=False)
     return float(run.energy[0]), float((run.energy - np.minimum.accumulate(run.energy)).max())
 
 
