@@ -202,9 +202,7 @@ OTHER_BODY = {
 
 
 def run(mapping: dict[str, Any]) -> Any:
-    return (
-        Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(checks=False).block
-    )
+    return Simulation(scene_from_mapping(mapping | {"simulation": OPTIONS})).run(checks=False).block
 
 
 @pytest.mark.parametrize("name", ["heavy_top", "pendulum", "rolling_disk", "rolling_sphere"])
