@@ -10,13 +10,13 @@
 """`python -m benchmarks.checks`: CPU time of the checks of a run beside that of the run itself.
 
 "command" is a whole `rb_sim run SCENE`, from the start of Python to its end, and "of that" what the
-watches add to it; each in a process of its own, kernels and modules compiled before. Start and
+checks add to it; each in a process of its own, kernels and modules compiled before. Start and
 imports are most of a short run, for whoever gives the command. Among them are the modules of the
-watches themselves, which come with the program whatever it runs: "imports", not in "of that".
+checks themselves, which come with the program whatever it runs: "imports", not in "of that".
 
-"bare" is stepping and sampling alone; bare and watched runs take turns, and "pairs" is the median
-of how much more the watched ones take. "inside" is the share that the clock shows around the
-checks' calls of the watched runs, which other programs on the machine disturb less. Of every scene
+"bare" is stepping and sampling alone; bare and checked runs take turns, and "pairs" is the median
+of how much more the checked ones take. "inside" is the share that the clock shows around the
+checks' calls of the checked runs, which other programs on the machine disturb less. Of every scene
 two runs at its own rate are shown: the one that it asks for, which is short and looked at closely
 all over, and one that goes on for about `--seconds` of CPU time: most of a run's cost may come late
 (a sphere that is pushed rolls ever faster), or early (a ball comes to rest).
@@ -93,7 +93,7 @@ def bare(simulation: Simulation, duration: float) -> float:
     return time.process_time() - began
 
 
-def watched(simulation: Simulation, duration: float) -> tuple[float, float]:
+def checked(simulation: Simulation, duration: float) -> tuple[float, float]:
     """CPU time [s] of a run with its checks, and the share of the checks as seen from inside.
 
     Inside it is the wall's clock, which costs a hundredth of the processor's: what else runs on the
@@ -115,7 +115,7 @@ def watched(simulation: Simulation, duration: float) -> tuple[float, float]:
 def figures(simulation: Simulation, duration: float, runs: int) -> tuple[float, float, float]:
     """Medians: bare [s], and the share of the checks by pairs and from inside."""
     bare(simulation, duration)
-    both = [(bare(simulation, duration), *watched(simulation, duration)) for _ in range(runs)]
+    both = [(bare(simulation, duration), *checked(simulation, duration)) for _ in range(runs)]
     return (
         statistics.median(run for run, _, _ in both),
         statistics.median(whole / run - 1.0 for run, whole, _ in both),
@@ -139,8 +139,8 @@ def share_of_command(scene: Any, duration: float, runs: int) -> tuple[float, flo
         for _ in range(runs):
             done = run()
             cost = json.loads(done.stdout)
-            bare = cost["whole"] - cost["watches"]
-            found.append((cost["whole"], cost["watches"] / bare, cost["imports"]))
+            bare = cost["whole"] - cost["checks"]
+            found.append((cost["whole"], cost["checks"] / bare, cost["imports"]))
     whole, share, imports = (statistics.median(column) for column in zip(*found, strict=True))
     return whole, share, imports
 
@@ -149,7 +149,7 @@ def shipped(runs: int) -> None:
     """Print what the runs of all shipped scenes take together, without checks and with them."""
     simulations = [Simulation(scene.name, announce=None) for scene in scenes()]
     ways: dict[str, dict[str, Any]] = {
-        "run(checks=False)": {"watched": False}, "run(check=False)": {"check": False}, "run()": {},
+        "run(checks=False)": {"checks": False}, "run(check=False)": {"check": False}, "run()": {},
     }  # fmt: skip
     for way, given in ways.items():
         taken = []

@@ -8,7 +8,7 @@
 # the License.
 
 """`python -m benchmarks.checks_of_command FILE DURATION`: one `rb_sim run`, and as JSON what its
-watches cost of it, and what the import of their modules does, which comes with the program
+checks cost of it, and what the import of their modules does, which comes with the program
 [s of CPU time]; for `benchmarks.checks`."""
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main() -> int:
     with contextlib.redirect_stdout(io.StringIO()):
         run(RunOptions(scene=Path(path).as_posix(), duration=duration, quiet=True))
     whole = time.process_time()
-    print(json.dumps({"whole": whole, "watches": sum(spent), "imports": imports()}))
+    print(json.dumps({"whole": whole, "checks": sum(spent), "imports": imports()}))
     return 0
 
 

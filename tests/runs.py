@@ -18,10 +18,10 @@ from typing import Any
 
 
 def trajectory(
-    scene: dict[str, Any], coordinates: str = "auto", watched: bool = False, **options: Any
+    scene: dict[str, Any], coordinates: str = "auto", checks: bool = False, **options: Any
 ) -> Any:
     """The samples (a SampleBlock) of a run of a scene mapping."""
     from rb_sim import Simulation, load_scene
 
     mapping = scene | {"simulation": scene.get("simulation", {}) | options}
-    return Simulation(load_scene(mapping), coordinates=coordinates).run(checks=watched).block
+    return Simulation(load_scene(mapping), coordinates=coordinates).run(checks=checks).block

@@ -133,13 +133,16 @@ def fields_of(ros_type: str, text: str) -> tuple[Field, ...]:
             sequence = "[]" * (count < 0)
             raise ValueError(f"{path} in its schema is {kind}{sequence}, not float64")
         last = found[-1] if found else Field("", 0, 0)
-        follows = last.place + last.count if taken else -1
-        if min(count, last.count) > 0 and kind == last.kind == "float64" and place == follows:
+        follows = place == last.place + last.count if taken else True
+        joins = kind == last.kind == "float64" and min(count, last.count) > 0
+        if joins and follows and taken == (last.place >= 0):
             found[-1] = Field(kind, last.count + count, last.place)
         else:
             found.append(Field(kind, count, place))
     if places:
-        raise ValueError(f"its schema of {inner or ros_type} lacks {', '.join(places)}")
+        needed = READ[inner or ros_type].needed
+        lacks = [p for p in needed if any(f"{path}.".startswith(f"{p}.") for path in places)]
+        raise ValueError(f"its schema of {inner or ros_type} lacks {', '.join(lacks)}")
     return tuple(found)
 
 
