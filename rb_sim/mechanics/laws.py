@@ -32,6 +32,7 @@ from rb_sim.compiler.graph.table_program import PlainProgram
 from rb_sim.compiler.graph.taylor_code import SeriesLaws
 from rb_sim.mechanics.inputs import Inputs, Place
 from rb_sim.mechanics.system import CONFIGURATION, EVENT_DRIVEN, inside, project, sample
+from rb_sim.mechanics.systems.fixed_point import FixedAxisBody
 from rb_sim.mechanics.systems.many_bodies import state_of
 from rb_sim.mechanics.systems.one_body import about, rate, total_wrench
 from rb_sim.mechanics.systems.rolling_body import RollingBody
@@ -78,6 +79,48 @@ class Variables(NamedTuple):
     """(system, z) -> dz/dt."""
     change: Callable[[Any, Numbers, Numbers, Numbers], Numbers]
     """(system, y and z at the start, change of z) -> change of y."""
+
+
+# A body on a fixed axis under gravity: a pendulum, with its angular acceleration as a variable.
+#
+# With F the weight and m = n x rho in body axes, the angular acceleration is
+#
+#     S = (P cos phi - Q sin phi),   J P = m . F_0,   J Q = m . (n x F_0),
+#
+# with F_0 in the body axes of phi = 0. With C = dS/dphi the series needs two products and no sine:
+#
+#     phi' = w,   w' = S,   S' = C w,   C' = -S w.
+
+
+def suits_pendulum(system):
+    """True for a body on a fixed axis with no effect but gravity."""
+    return isinstance(system, FixedAxisBody) and all(
+        isinstance(row, GravityRow) for row in system.effects
+    )
+
+
+def begin_as_pendulum(system, y):
+    """(phi, w, S, C) at the start of a step."""
+    weight, _ = total_wrench(system.effects, 0.0, system.body, AT_REST)
+    n, down = system.axis_B, unrotate(system.q_0, weight)
+    arm = cross(n, system.rho)
+    P, Q = system.inverse_J * dot(arm, down), system.inverse_J * dot(arm, cross(n, down))
+    c, s = cos(y[0]), sin(y[0])
+    return y[0], y[1], P * c - Q * s, -(P * s + Q * c)
+
+
+def rates_of_pendulum(system, z):
+    """dz/dt for z = (angle phi, rate w, angular acceleration S, its derivative C by the angle)."""
+    _, w, S, C = z
+    return w, S, C * w, -(S * w)
+
+
+def change_of_pendulum(system, y, z, dz):
+    """Change of (angle, rate): the first two variables."""
+    return dz[:2]
+
+
+AS_PENDULUM = Variables(suits_pendulum, 4, begin_as_pendulum, rates_of_pendulum, change_of_pendulum)
 
 
 # A disk that rolls on its edge on a level plane under gravity, in angles (Routh; LL 38). e: level
@@ -253,7 +296,7 @@ IN_WORLD_AXES = Variables(
 # Variables in which the Taylor series of a system is much cheaper than in its coordinates.
 
 
-KNOWN: tuple[Variables, ...] = (IN_ANGLES, IN_WORLD_AXES)
+KNOWN: tuple[Variables, ...] = (IN_ANGLES, IN_WORLD_AXES, AS_PENDULUM)
 
 
 def variables_of(system: Any) -> Variables | None:

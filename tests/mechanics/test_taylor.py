@@ -31,6 +31,7 @@ from rb_sim.compiler.graph.symbols import Graph, where
 from rb_sim.compiler.graph.taylor_code import SeriesLaws
 from rb_sim.integrate.methods.taylor import AdaptiveTaylor
 from rb_sim.mechanics.laws import (
+    AS_PENDULUM,
     IN_ANGLES,
     IN_WORLD_AXES,
     CompiledLaws,
@@ -86,6 +87,8 @@ def sphere(effects: list[Mapping], inertia: Any = ROUND, **own: Any) -> Mapping:
 
 
 SUITED: dict[str, tuple[Any, Mapping]] = {
+    "pendulum": (AS_PENDULUM, moving(AXIS, [SLANTED], inertia=UNEVEN, **OFF)),
+    "two weights": (AS_PENDULUM, moving(AXIS, [SLANTED, WEIGHT_ALONG], inertia=UNEVEN, **OFF)),
     "disk": (IN_ANGLES, disk([WEIGHT_ALONG])),
     "slanted axis": (IN_ANGLES, disk([WEIGHT_ALONG], ALONG_K, shape={"axis_B": K.tolist()})),
     "disk without weight": (IN_ANGLES, disk([])),
@@ -93,7 +96,6 @@ SUITED: dict[str, tuple[Any, Mapping]] = {
 }
 """Scenes whose series have variables of their own."""
 NEARLY = {
-    "pendulum": moving(AXIS, [SLANTED], inertia=UNEVEN, **OFF),
     "pendulum that is pushed": moving(AXIS, [SLANTED, PUSH], inertia=UNEVEN),
     "disk under a slanted weight": disk([SLANTED]),
     "disk that is pushed": disk([WEIGHT_ALONG, PUSH]),
