@@ -221,9 +221,15 @@ def same(one: Path, other: Path) -> bool:
     return a.shape == b.shape and bool(np.abs(a - b).max() <= NEAR)
 
 
+def words_of(picture: Path) -> str:
+    """The words that a picture carries; "": none."""
+    with Image.open(picture) as image:
+        return image.info.get(WORDS, "")
+
+
 def keep(made: Path, kept: Path) -> None:
-    """Put the picture there, unless one that shows the same is there, and say which."""
-    stays = kept.exists() and same(made, kept)
+    """Put the picture there, unless one that shows and says the same is there, and say which."""
+    stays = kept.exists() and same(made, kept) and words_of(made) == words_of(kept)
     if not stays:
         kept.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(made, kept)

@@ -29,7 +29,7 @@ from tests.docs.blocks import PAGES
 from tests.docs.page_run import pictures
 from tools import gallery, law_pictures, readme_picture
 from tools.colors import few_colors
-from tools.pictures import DOCS, MADE, WORDS, measured, report_page, same, words_on
+from tools.pictures import DOCS, MADE, measured, report_page, same, words_of, words_on
 from tools.tutorials import narrow
 
 COSTS = DOCS / "tutorials" / "pictures" / "accuracy" / "costs" / "accuracy.png"
@@ -130,8 +130,7 @@ def test_a_picture_of_the_viewer_shows_the_motion_of_today(name):
 
 
 def test_the_picture_of_the_report_has_the_words_of_today(tmp_path):
-    with Image.open(DOCS / "pictures" / "bags_report.png") as image:
-        assert words_on(report_page(tmp_path)) == image.info[WORDS]
+    assert words_on(report_page(tmp_path)) == words_of(DOCS / "pictures" / "bags_report.png")
 
 
 def test_few_colors_keep_those_of_thin_lines():
