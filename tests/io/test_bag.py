@@ -155,7 +155,10 @@ def test_close_twice_and_write_after_close(record, tmp_path, scene, layout, samp
 
 
 def test_memory_does_not_grow_with_samples(monkeypatch, tmp_path, scene, layout, samples):
-    """Python's peak memory over the next 50 samples is the same early and late (but the index)."""
+    """Python's peak memory over the next 50 samples is the same early and late (but the index).
+
+    The least of several: other threads of this process may hold memory meanwhile.
+    """
     monkeypatch.setattr(file, "PERIOD", float("inf"))  # a draft falls into one of them by the clock
     block, peaks = samples(50), []
     sink = BagSink(tmp_path / "bag", chunk_size=10_000)
@@ -163,10 +166,13 @@ def test_memory_does_not_grow_with_samples(monkeypatch, tmp_path, scene, layout,
     for blocks in (1, 60):
         for _ in range(blocks):
             sink.write(block)
-        tracemalloc.start()
-        sink.write(block)
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
+        some = []
+        for _ in range(5):
+            tracemalloc.start()
+            sink.write(block)
+            some.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+        peaks.append(min(some))
     sink.close()
     assert peaks[1] < 1.1 * peaks[0]
 
