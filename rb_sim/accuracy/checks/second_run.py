@@ -19,7 +19,9 @@ whole in both h and r h.
 Fixed steps with contacts may converge to a wrong motion (e.g. if a slip that stops within a step is
 continued), or agree between two events at h and r h. The second run is then one of dopri853 with
 event detection at the default tolerance, and the difference is the error; for time stepping with so
-many contacts that this takes too long, the second run uses shorter steps.
+many contacts that this takes too long, the second run uses shorter steps. Fixed steps of radau5 damp
+an oscillation that they do not resolve, and so do shorter ones: the second run is adaptive, of
+radau5, or of dopri853 if an oscillation makes that too long.
 
 The error at an instant is the maximum over the bodies of
 
@@ -53,6 +55,7 @@ from rb_sim.accuracy.runs import exchanged_energy, motion_size, motions_apart, p
 from rb_sim.base.errors import Finding, GlobalError, RbSimError, SimulationError
 from rb_sim.base.rounding import SOLVED_IN_CONTACT
 from rb_sim.contact.choose_motion import motion_of
+from rb_sim.integrate.methods.radau5 import Radau5
 from rb_sim.mechanics.methods import METHODS
 from rb_sim.motion.motion import WatchEndedError
 from rb_sim.scene.compile import compile_method
@@ -182,7 +185,7 @@ class SecondRun:
         self._end = math.inf if singular is None else singular
         limit = min(within, PATIENCE * took + GRACE if took <= LONGEST else AFFORDED)
         try:
-            found = self._by_events(limit)
+            found = self._by_adaptive(limit)
             if found is None and AFFORDED < took <= LONGEST and not always:
                 found = self._by_coarser(took)
             found = found or self._by_finer(math.inf if always else limit)
@@ -194,25 +197,34 @@ class SecondRun:
             return found
         return found._replace(upto=singular, why="not known beyond the singular configuration")
 
-    def _by_events(self, limit: float) -> GlobalError | None:
-        """The error of fixed steps with contacts, as the difference from an event-driven run.
+    def _by_adaptive(self, limit: float) -> GlobalError | None:
+        """The error of fixed steps with contacts, or of radau5, as the difference from an adaptive
+        run.
 
-        None for other runs, and for time stepping if the event-driven run exceeds the limit [s].
+        None for other runs, and for time stepping if that run exceeds the limit [s].
         """
-        motion = self._simulation.motion
-        step = getattr(self._simulation.method, "step", None)
-        if step is None or not (motion.layout.contacts and self._from_start):
+        simulation, motion = self._simulation, self._simulation.motion
+        if getattr(simulation.method, "step", None) is None:
             return None
-        if motion.event_driven:
-            return self._by(_sharp(self._simulation, self._compiled), limit)
-        try:
-            return self._by(_sharp(self._simulation, self._compiled), limit, whole=True)
-        except RbSimError:
-            return None  # too many bodies, or an undecidable event
-        except WatchEndedError:
-            if self._look is not None:
-                self._look()
+        damps = isinstance(simulation.method, Radau5)
+        if not (damps or motion.layout.contacts and self._from_start):
             return None
+        names = ("radau5", "dopri853") if damps else ("dopri853",)
+        for name in names:
+            last = name == names[-1] and (damps or motion.event_driven)
+            most = limit if name == names[-1] else min(limit, self._took + GRACE)
+            try:
+                other = _adaptive(name, simulation, self._compiled)
+                return self._by(other, most, whole=not last)
+            except RbSimError:  # too many bodies, or an undecidable event
+                if last:
+                    raise
+            except WatchEndedError:
+                if last:
+                    raise
+                if self._look is not None:
+                    self._look()
+        return None
 
     def _by_coarser(self, limit: float) -> GlobalError | None:
         """The difference from a coarser run, a bound of the error; None if above BOUND."""
@@ -402,11 +414,12 @@ class SecondMotion(NamedTuple):
     """whether it cannot be refined further by the same rule."""
 
 
-def _sharp(simulation: Any, compiled: Compiled) -> SecondMotion:
-    """The adaptive event-driven motion. Raises SceneError if the scene does not support it."""
-    sharp = Setting("dopri853", tolerance=DEFAULT_TOLERANCE)
-    method = sharp.build(simulation.scene.simulation.duration)
-    return SecondMotion(motion_of(compiled, method), str(sharp), 1.0)
+def _adaptive(name: str, simulation: Any, compiled: Compiled) -> SecondMotion:
+    """The motion by adaptive steps, with contacts event-driven. Raises SceneError if the method
+    does not support the scene."""
+    setting = Setting(name, tolerance=DEFAULT_TOLERANCE)
+    method = setting.build(simulation.scene.simulation.duration)
+    return SecondMotion(motion_of(compiled, method), str(setting), 1.0)
 
 
 def _finer(simulation: Any, compiled: Compiled, times: int) -> SecondMotion:

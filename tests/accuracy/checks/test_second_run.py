@@ -68,6 +68,26 @@ def test_the_global_error_is_that_of_the_closed_form(simulation: dict[str, Any])
     assert reported == (run.global_error.relative > 1e-2)
 
 
+@pytest.mark.filterwarnings("ignore::rb_sim.AccuracyWarning")
+def test_radau5_that_damps_an_oscillation_in_steps_of_any_length_is_found_wrong() -> None:
+    """Shorter steps damp it as well: position and energy of both runs are zero after a few."""
+    run = Simulation(oscillation(method="radau5", step=10.0, rate=0.1, duration=200.0)).run()
+    assert true_error(run) > 0.4
+    assert run.global_error is not None
+    assert run.global_error.relative > 0.4
+    assert "global error" in {found.check for found in run.findings}
+
+
+def test_radau5_that_damps_what_is_overdamped_is_right() -> None:
+    """Of a spring and a dashpot that let it creep: x = exp(-k t / c)."""
+    settings = {"method": "radau5", "step": 0.05, "duration": 3.0, "rate": 20.0}
+    scene = oscillation(**settings)
+    drag = {"type": "linear_drag", "body": "b", "coefficient": 1e6 * W * W}
+    run = Simulation(scene | {"effects": scene["effects"] | {"d": drag}}).run()
+    np.testing.assert_allclose(run.position["b"][:, 0], np.exp(-1e-6 * run.t), rtol=1e-9)
+    assert run.findings == ()
+
+
 def test_the_error_is_largest_when_it_says() -> None:
     run = Simulation(oscillation(method="rk4", step=0.02)).run()
     assert run.global_error is not None
