@@ -19,8 +19,8 @@ whole in both h and r h.
 Fixed steps with contacts may converge to a wrong motion (e.g. if a slip that stops within a step is
 continued), or agree between two events at h and r h. The second run is then one of dopri853 with
 event detection at the default tolerance, and the difference is the error; for time stepping with so
-many contacts that this takes too long, the second run uses shorter steps. Fixed steps of radau5 damp
-an oscillation that they do not resolve, and so do shorter ones: the second run is adaptive, of
+many contacts that this takes too long, the second run uses shorter steps. Fixed steps of radau5
+damp an oscillation that they do not resolve, and so do shorter ones: the second run is adaptive, of
 radau5, or of dopri853 if an oscillation makes that too long.
 
 The error at an instant is the maximum over the bodies of
