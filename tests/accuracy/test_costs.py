@@ -148,7 +148,7 @@ def test_a_run_too_long_to_be_looked_at_is_explained_as_far_as_it_came(
     assert all(part.cost is not None for part in reported.constraints + reported.effects)
 
 
-def test_parts_for_which_no_time_is_left_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parts_for_which_no_time_is_left_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(costs, "PREPARING", -1.0)
     reported = explain(swing())
     parts = reported.constraints + reported.effects

@@ -54,7 +54,7 @@ def follow(duration: float, looks: list[tuple[float, float]]) -> tuple[Forecast,
     return made, reported
 
 
-def test_a_long_run_is_told_once_with_its_time() -> None:
+def test_a_long_run_is_reported_once_with_its_time() -> None:
     made, reported = follow(10.0, [(5.0, 0.01), (10.0, 0.02), (20.0, 0.04)])
     assert not made.given_up
     (line,) = reported
@@ -66,7 +66,7 @@ def test_what_precedes_the_first_step_is_no_pace() -> None:
     assert follow(10.0, [(5.0, 1e-5), (10.0, 2.5), (15.0, 5.0)])[1] == []
 
 
-def test_a_short_run_is_not_told() -> None:
+def test_a_short_run_is_not_reported() -> None:
     assert follow(10.0, [(5.0, 1.0), (10.0, 2.0)])[1] == []
 
 
@@ -100,7 +100,7 @@ def test_a_quick_beginning_does_not_hide_an_endless_end() -> None:
     assert "143 years" in made.given_up
 
 
-def test_slow_slips_of_a_box_are_told_with_the_method_that_steps_over_them() -> None:
+def test_slow_slips_of_a_box_are_reported_with_the_method_that_steps_over_them() -> None:
     """A millionth above the threshold of slipping the steps are 1e-7 s, of every tolerance."""
     shape = {"type": "box", "size": [0.2, 0.2, 0.2]}
     friction = {"type": "coulomb", "static": 0.3 * (1.0 - 1e-6)}

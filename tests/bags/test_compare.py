@@ -74,7 +74,7 @@ def spun(t: np.ndarray, turn: float) -> Track:
 
 
 @pytest.mark.parametrize("turn", [0.1, 0.6, 1.2, 1.8])
-def test_what_interpolation_makes_is_told_and_is_no_divergence(turn: float):
+def test_what_interpolation_makes_is_reported_and_is_no_divergence(turn: float):
     """The same motion, sampled once a second and ten times: all that differs is interpolation."""
     a, b = spun(np.linspace(5.0, 35.0, 301), turn), spun(np.linspace(0.0, 40.0, 41), turn)
     found, table = beside(a, b)
@@ -126,7 +126,7 @@ def test_what_interpolation_makes_does_not_grow():
     assert beside(a, b)[1]["position"]["growth"] == pytest.approx(0.5, abs=0.05)
 
 
-def test_what_interpolation_makes_of_a_reaction_is_told():
+def test_what_interpolation_makes_of_a_reaction_is_reported():
     """The same reaction, sampled once a second and ten times."""
     a, b = np.linspace(5.0, 35.0, 301), np.linspace(0.0, 40.0, 41)
 
@@ -547,7 +547,7 @@ def test_times_of_a_calendar_are_shown_from_the_first_on(tmp_path, capsys, begin
     assert any(line.split()[-1] == "2" for line in said.splitlines() if "position" in line)
 
 
-def test_why_nothing_can_be_compared_is_told_first(tmp_path, capsys):
+def test_why_nothing_can_be_compared_is_reported_first(tmp_path, capsys):
     """All stamps but the first go back: what is left is one pose."""
     t, p, q = foreign.swing(40)
     bag = foreign.write(tmp_path / "bag", t=t[::-1], position=p, q=q)

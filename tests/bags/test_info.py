@@ -72,7 +72,7 @@ def test_a_damaged_bag(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("options", [{"enable_crcs": False}, {"use_chunking": False}])
-def test_messages_that_no_checksum_covers_are_told(tmp_path, capsys, options):
+def test_messages_that_no_checksum_covers_are_reported(tmp_path, capsys, options):
     """Written by the mcap library without checksums, or without chunks that would carry them."""
     path = tmp_path / "bare.mcap"
     with path.open("wb") as file:
@@ -169,7 +169,7 @@ def test_a_topic_in_two_channels_has_one_rate(tmp_path):
     assert topic["backwards"] == topic["gaps"] == 0
 
 
-def test_a_file_that_metadata_leaves_out_is_told(tmp_path, capsys):
+def test_a_file_that_metadata_leaves_out_is_reported(tmp_path, capsys):
     """Copied in by hand, or left by another bag: every reader of the folder says so."""
     bag = tmp_path / "bag"
     record_run(PUSHED, bag)

@@ -98,7 +98,7 @@ def test_frames_are_drawn_in_the_root_of_their_tree(tmp_path):
 
 
 @needs_rerun
-def test_frames_that_nothing_connects_are_told(tmp_path, capsys):
+def test_frames_that_nothing_connects_are_reported(tmp_path, capsys):
     with writing(tmp_path / "x.mcap") as bag:
         for t, p, q in zip(T, P, Q, strict=True):
             bag.add("/a", *stamped(t, p, q, "map"), t)

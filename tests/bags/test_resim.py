@@ -94,7 +94,7 @@ def _record_with(folder: Path, options: dict) -> Path:
     return record_run(PUSHED, folder, **options)
 
 
-def test_a_difference_is_told_with_its_size(node_bag, tmp_path):
+def test_a_difference_is_reported_with_its_size(node_bag, tmp_path):
     """g changed by 1 %: the fall parts from the first sample on, by 0.01 g t^2 / 2."""
     found, _ = again(node_bag, tmp_path / "x", ("effects.weight.acceleration=[0, 0, -9.9081]",))
     assert not found.same and found.first is not None

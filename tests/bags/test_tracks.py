@@ -56,7 +56,7 @@ def test_a_twist_in_the_axes_of_its_frame(tmp_path, frame):
     assert not tracks.notes
 
 
-def test_a_twist_in_another_frame_is_left_out_and_told(tmp_path):
+def test_a_twist_in_another_frame_is_left_out_and_reported(tmp_path):
     tracks = tracks_of_bag(write(tmp_path / "x.mcap", "lidar", V))
     assert tracks.bodies["/drone/pose"].linear_velocity is None
     assert tracks.notes == [

@@ -214,7 +214,7 @@ SCENES: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("engine", compare.ENGINES)
-def test_an_engine_is_told_the_same_scene(engine: str, name: str) -> None:
+def test_an_engine_is_reported_the_same_scene(engine: str, name: str) -> None:
     """Pose and twist of every body agree with rb_sim to the engine's order."""
     pytest.importorskip("pydrake" if engine == "drake" else engine)
     module = compare.loaded(engine)
@@ -256,7 +256,7 @@ def test_an_engine_that_is_better_is_said_to_be() -> None:
     )
 
 
-def test_an_engine_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_engine_that_is_not_installed_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(name: str) -> Any:
         raise ImportError("No module named 'mujoco'")
 

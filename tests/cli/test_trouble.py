@@ -219,7 +219,7 @@ def bag(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize("verb", ["analyze", "compare"])
-def test_results_that_do_not_fit_are_told_in_one_line(verb, bag, tmp_path):
+def test_results_that_do_not_fit_are_reported_in_one_line(verb, bag, tmp_path):
     out = tmp_path / "out"
     with small_files(200), pytest.raises(RbSimError) as caught:
         if verb == "analyze":

@@ -179,7 +179,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize("function, arguments, words", REFUSED)
-def test_what_is_not_compiled_is_told_with_its_line(
+def test_what_is_not_compiled_is_reported_with_its_line(
     function, arguments, words, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("RB_SIM_CACHE", str(tmp_path))

@@ -197,7 +197,7 @@ def test_compliant_support_carries() -> None:
     assert errors[0] / errors[1] >= 2.0
 
 
-def test_work_of_a_moving_support_is_told() -> None:
+def test_work_of_a_moving_support_is_reported() -> None:
     """A ball on a turntable: energy less that work is constant at any step, and the work tends to
     that of the exact motion."""
     surface = {"friction": {"type": "rough"}, "motion": {"type": "turntable", "rate": 3.0}}

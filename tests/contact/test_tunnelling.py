@@ -74,7 +74,7 @@ for mapping in ACROSS.values():
 
 
 @pytest.mark.parametrize("name", ACROSS)
-def test_going_through_between_samples_is_told(name: str) -> None:
+def test_going_through_between_samples_is_reported(name: str) -> None:
     with pytest.raises(
         RbSimError,
         match=r"the body penetrates the support of contact floor by .* at t = 0\.",
@@ -98,13 +98,13 @@ def test_what_falls_flush_with_its_support_does_not_fall_through(under: Any, tur
         contact_run(made, [1.0], tolerance=1e-8)
 
 
-def test_going_through_between_samples_is_told_in_steps() -> None:
+def test_going_through_between_samples_is_reported_in_steps() -> None:
     steps = {"method": "time_stepping", "step": 1e-2, "tolerance": None}
     with pytest.raises(RbSimError, match=r"the body penetrates .* at t = 0\."):
         contact_run(ACROSS["rod on a log"], FALLEN, **steps)
 
 
-def test_what_comes_at_speed_is_told() -> None:
+def test_what_comes_at_speed_is_reported() -> None:
     """A rod thrown at 300 m/s is through the log in 3 ms."""
     thrown = ACROSS["rod on a log"] | {
         "bodies": {
@@ -138,7 +138,7 @@ def test_looks_change_no_bit_of_a_motion() -> None:
 
 
 @pytest.mark.parametrize("name", ACROSS)
-def test_sinking_is_told(name: str) -> None:
+def test_sinking_is_reported(name: str) -> None:
     with pytest.raises(
         RbSimError,
         match=r"the body penetrates the support of contact floor by .* at t = ",

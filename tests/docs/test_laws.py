@@ -63,7 +63,7 @@ def test_every_row_of_a_page_has_a_meaning(kind):
 
 
 @pytest.mark.parametrize("kind", SPECS)
-def test_every_key_is_told(kind):
+def test_every_key_is_reported(kind):
     page = made()[f"{kind}.md"].split("\n### ")[0]
     for name, field in SPECS[kind].model_fields.items():
         (row,) = [

@@ -278,7 +278,7 @@ def test_python_control_takes_the_archive(tmp_path: Any) -> None:
     assert complex(plant(1j)[at, by]) == pytest.approx(1.0 / (AXIAL * 1j), rel=1e-9)
 
 
-def test_what_cannot_be_linearised_is_told_in_one_line() -> None:
+def test_what_cannot_be_linearised_is_reported_in_one_line() -> None:
     from rb_sim import RbSimError
 
     ball = {"mass": 1.0, "shape": {"type": "sphere", "radius": 0.1}, "position": [0.0, 0.0, 0.1]}

@@ -415,7 +415,7 @@ def test_recover_and_replay_say_it(bag, tmp_path, capsys):
     assert "messages missing between t = " in capsys.readouterr().err
 
 
-def test_a_broken_index_is_told_and_not_used(bag, samples):
+def test_a_broken_index_is_reported_and_not_used(bag, samples):
     """Nothing is lost then, and the bag is read without it."""
     data = file_of(bag).read_bytes()
     change(file_of(bag), len(data) - 200)
@@ -496,7 +496,7 @@ def test_a_reader_that_never_ends_is_no_reader(tmp_path):
 
 
 @pytest.mark.parametrize("old", [b'{"', b"finished"])
-def test_a_broken_summary_is_told_and_left_out(record, old):
+def test_a_broken_summary_is_reported_and_left_out(record, old):
     """No JSON any more, or another word: neither is a traceback, nor taken for what was written."""
     path = file_of(record(summary={"outcome": "finished"}))
     assert BagReader(path).summary == {"outcome": "finished"}

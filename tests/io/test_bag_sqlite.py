@@ -117,7 +117,7 @@ def test_tables_of_older_releases(tmp_path, columns):
     assert np.array_equal(tracks_of_bag(path).bodies["/body"].position, P)
 
 
-def test_a_journal_beside_it_is_told(tmp_path):
+def test_a_journal_beside_it_is_reported(tmp_path):
     bag = write(tmp_path / "s")
     (bag / "s.db3-wal").write_bytes(b"x")
     found = info(bag)["health"]
@@ -135,7 +135,7 @@ def long_name(t, p, q):
     return kind, message
 
 
-def test_what_lies_before_a_broken_page_is_read_and_the_rest_told(tmp_path):
+def test_what_lies_before_a_broken_page_is_read_and_the_rest_reported(tmp_path):
     path = write(tmp_path / "s", make=long_name) / "s.db3"
     (page,) = sqlite3.connect(path).execute("PRAGMA page_size").fetchone()
     data = bytearray(path.read_bytes())

@@ -198,7 +198,7 @@ def test_swinging_through_a_kink_of_the_curvature(coordinates: str) -> None:
 
 
 @pytest.mark.parametrize("coordinates", ["auto", "maximal"])
-def test_who_leaves_the_end_of_an_open_guide_is_told(coordinates: str) -> None:
+def test_who_leaves_the_end_of_an_open_guide_is_reported(coordinates: str) -> None:
     scene = sliding(VALLEY, 0.8, 20.0, duration=1.0)
     with pytest.raises(SimulationError, match="passed the end of its guide"):
         Simulation(load_scene(scene), coordinates=coordinates).run()

@@ -366,7 +366,7 @@ def test_a_start_in_line_is_refused() -> None:
 
 
 @pytest.mark.parametrize("way", ["dopri853", "rk4"])
-def test_that_its_links_came_in_line_is_told(way: str) -> None:
+def test_that_its_links_came_in_line_is_reported(way: str) -> None:
     """Hanging it swings through, by 0.14 rad from sample to sample; s is within 0.02 rad alike."""
     scene = scene_from_mapping(linkage(0.9, 0.0, -9.81, duration=0.5, **WAYS[way]))
     with pytest.warns(AccuracyWarning, match="singular configuration"):

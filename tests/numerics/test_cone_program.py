@@ -121,7 +121,7 @@ def test_the_lowest_point_of_a_ball_and_of_a_polytope(seed: int) -> None:
     assert_allclose(found, expected, atol=1e-10)
 
 
-def test_what_falls_without_end_is_told() -> None:
+def test_what_falls_without_end_is_reported() -> None:
     """Down a wedge; on its other side the corner is the answer, also a million away."""
     planes = [(0.0, [1.0, 1.0]), (0.0, [1.0, -1.0])]
     down = minimise(linear(np.array([-1.0, 0.2])), cones(2, planes), np.array([1.0, 0.0]))

@@ -155,7 +155,7 @@ def test_a_motion_without_a_way_back_goes_one_by_one():
         assert simulation.time == pytest.approx(k / RATE, abs=1e-12)
 
 
-def test_a_motion_that_ends_is_told_at_its_sample(monkeypatch):
+def test_a_motion_that_ends_is_reported_at_its_sample(monkeypatch):
     """What was computed ahead up to there is handed out first."""
     monkeypatch.setattr("rb_sim.ros.stepper.BUDGET", 1e9)
     simulation = Simulation("rolling_sphere_commanded", announce=None)

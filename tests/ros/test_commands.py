@@ -102,7 +102,7 @@ def test_bad_commands_are_refused_and_counted(sphere, start, client: Client, tmp
     np.testing.assert_array_equal(applied(tmp_path)[:, 0], [0, 3, 3])
 
 
-def test_refusals_that_go_on_are_told_again_with_their_number(
+def test_refusals_that_go_on_are_reported_again_with_their_number(
     client: Client, polling_node, monkeypatch
 ):
     """Also where the frame is a new one each time, of which a hundred are told by name."""

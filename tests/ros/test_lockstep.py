@@ -106,7 +106,7 @@ def test_what_an_earlier_start_has_built_takes_no_process(advance, transforms):
     assert done.returncode == 0, done.stderr
 
 
-def test_a_client_in_c_is_answered_and_told_why_not(sphere, start, client, advance, tmp_path):
+def test_a_client_in_c_is_answered_with_the_reason(sphere, start, client, advance, tmp_path):
     """The program of benchmarks/lockstep_client.c, which knows rcl and no Python."""
     program = lockstep_client.compiled(tmp_path)
     node = start(sphere, out=tmp_path, start_paused=True)

@@ -118,7 +118,7 @@ def test_a_bag_tells_how_many_samples_it_lacks(sphere, start, client: Client, tm
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
-def test_who_ends_a_node_whose_writer_hangs_is_told_what_it_waits_for(
+def test_a_signal_while_the_writer_hangs_prints_what_is_waited_for(
     lockstep, sphere, start, client: Client, advance, tmp_path
 ):
     """The loop or a request waits for room; no sample is lost once the writer goes on."""
@@ -161,7 +161,7 @@ def test_a_writer_that_never_goes_on_leaves_a_cut_log(monkeypatch):
         logs._process.wait()
 
 
-def test_plots_that_fail_after_the_node_has_gone_are_told(tmp_path: Path) -> None:
+def test_plots_that_fail_after_the_node_has_gone_are_reported(tmp_path: Path) -> None:
     """After a signal nobody waits for plots; what went wrong with them was told to nobody."""
     (tmp_path / "out").mkdir()
     scene = load_scene("heavy_top")

@@ -113,7 +113,7 @@ def test_a_loop_that_cannot_keep_up_is_told_from_one_that_was_held_up(clock: Clo
 
 
 @pytest.mark.parametrize("share, keeps_up", [(0.5, True), (1.0, False)])
-def test_overload_is_told_where_lateness_is_given_up_bit_by_bit(
+def test_overload_is_reported_where_lateness_is_given_up_bit_by_bit(
     clock: Clock, share: float, keeps_up: bool
 ):
     """Each sample takes three periods; `slip` gives up 0.02 s each time, far below the largest lag.
@@ -305,7 +305,7 @@ def test_none_is_asked_for(worker: int):
     assert standing(0) == standing(worker) == ORDINARY and not priority.refusal
 
 
-def test_who_is_not_permitted_is_told(monkeypatch: pytest.MonkeyPatch):
+def test_who_is_not_permitted_is_reported(monkeypatch: pytest.MonkeyPatch):
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 

@@ -226,7 +226,7 @@ def test_a_pause_that_is_promised_while_the_node_begins_to_run_is_kept(
     assert "running" not in states
 
 
-def test_who_asks_on_when_the_duration_is_over_is_told(sphere, start, client: Client, tmp_path):
+def test_who_asks_on_when_the_duration_is_over_is_reported(sphere, start, client: Client, tmp_path):
     """The logs are still being finished then."""
     node = start(sphere, start_paused=True, duration=0.03, out=tmp_path / "run")
     (writer,) = psutil.Process(node.process.pid).children()

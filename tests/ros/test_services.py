@@ -209,7 +209,7 @@ def test_a_package_that_cannot_be_loaded_is_one_line(broken, words, tmp_path, mo
 # The thread that serves ROS, and what others have it do.
 
 
-def test_what_it_is_to_do_is_done_between_requests_and_told(context: Context):
+def test_what_it_is_to_do_is_done_between_requests_and_reported(context: Context):
     """Also where it does not serve yet, or not any more."""
     node, where = Node("served", context=context), []
 

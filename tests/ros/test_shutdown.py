@@ -153,7 +153,7 @@ sys.exit(main.main(sys.argv[1:]))
 """
 
 
-def test_a_writer_that_breaks_down_is_told_though_it_closed_its_files(sphere, tmp_path):
+def test_a_writer_that_breaks_down_is_reported_though_it_closed_its_files(sphere, tmp_path):
     """Its bag is whole as a file and ends where it broke: nobody would miss the rest."""
     out = ("-p", f"out:={tmp_path}", "-p", "log_rerun:=false", "-p", "log_plots:=false")
     command = [sys.executable, "-c", BROKEN_LOGS, str(sphere), "--ros-args", *out]

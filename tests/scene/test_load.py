@@ -334,7 +334,7 @@ def test_override_does_not_hide_an_error_of_the_file(valid: str) -> None:
         ({"type": "contact", "surface": "plane"}, "surface: got 'plane'; .*NAME is plane, or one"),
     ],
 )
-def test_a_word_in_place_of_a_mapping_is_told_the_types(entry: dict, line: str) -> None:
+def test_a_word_in_place_of_a_mapping_is_answered_with_the_types(entry: dict, line: str) -> None:
     for with_shape in ("sphere", 3):
         body = {"mass": 1.0, "shape": with_shape}
         scene = {"bodies": {"b": body}, "constraints": {"it": entry | {"body": "b"}}}
@@ -343,7 +343,7 @@ def test_a_word_in_place_of_a_mapping_is_told_the_types(entry: dict, line: str) 
         assert re.search(r"bodies\.b\.shape: got .*NAME is (sphere|one of)", str(caught.value))
 
 
-def test_a_number_in_place_of_a_mapping_is_told_its_keys() -> None:
+def test_a_number_in_place_of_a_mapping_is_answered_with_its_keys() -> None:
     with pytest.raises(SceneError) as caught:
         load_scene({"bodies": {"a": 5, "b": {"mass": -1.0, "inertia": [1, 1, 1]}}})
     assert "bodies.a: got 5; must be a mapping {mass: ...}; bodies.b.mass" in str(caught.value)

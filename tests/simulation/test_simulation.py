@@ -227,7 +227,7 @@ def test_other_words_are_refused(simulation: Simulation) -> None:
     assert line(lambda: simulation.set_state({"ball": ANY})).startswith("ball: got None; must be a")
 
 
-def test_a_name_that_is_none_is_told_with_those_there_are(run: Trajectory) -> None:
+def test_a_name_that_is_none_is_answered_with_those_there_are(run: Trajectory) -> None:
     assert line(lambda: run.position["bal"]) == ("body: got 'bal'; must be ball")
     assert "reaction: got 'tip'; there is none" in line(lambda: run.reaction["tip"])
     assert "effect: got 'wind'; must be one of weight" in line(lambda: run.effect["wind"])

@@ -100,7 +100,9 @@ def test_a_case_that_does_not_hold_fails_the_command(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_file_that_is_no_case_is_told_in_one_line(text: str, said: str, tmp_path: Path) -> None:
+def test_a_file_that_is_no_case_is_reported_in_one_line(
+    text: str, said: str, tmp_path: Path
+) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(RbSimError) as caught:

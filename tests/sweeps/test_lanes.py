@@ -111,7 +111,7 @@ def test_what_a_run_gives_does_not_depend_on_its_neighbours() -> None:
         assert [part[k] for k in range(len(part))] == [whole[k] for k in range(cut, len(values))]
 
 
-def test_a_run_that_fails_in_a_lane_is_told_as_alone(tmp_path: Path) -> None:
+def test_a_run_that_fails_in_a_lane_is_reported_as_alone(tmp_path: Path) -> None:
     """A step that is too large for the fastest spins only; the others are not touched."""
     vary = {"spin": {"path": "bodies.top.angular_velocity[0]", "list": [1.0, 4e3, 2.0, 9e3, 3.0]}}
     scene = {"scene": "heavy_top", "vary": vary, "outputs": {"e": "last(energy)"}}

@@ -77,7 +77,7 @@ def test_the_runs_that_lose_it_are_named(tmp_path: Any) -> None:
     assert lost(spins(tmp_path, method="dopri853", tolerance=1e-9), [0, 60]) == {}
 
 
-def test_a_run_that_fails_is_told_as_far_as_it_went(tmp_path: Any) -> None:
+def test_a_run_that_fails_is_reported_as_far_as_it_went(tmp_path: Any) -> None:
     described = spins(tmp_path, duration=1000.0)
     assert "energy" in lost(described, [60])[60]
 

@@ -326,7 +326,7 @@ def test_what_acts_from_outside_by_hand() -> None:
     ("sine", "known"),
     [({}, True), ({"sine_force": [1.0, 0, 0]}, False), ({"sine_torque": [0, 1.0, 0]}, False)],
 )
-def test_a_wrench_that_swings_is_not_told_by_samples(sine: dict[str, Any], known: bool) -> None:
+def test_a_wrench_that_swings_is_not_reported_by_samples(sine: dict[str, Any], known: bool) -> None:
     swing = {"angular_frequency": 2.0} if sine else {}
     wrench = {"type": "wrench", "body": "a", "force": [1.0, 0.0, 0.0]} | sine | swing
     assert unknown_force(scene_of({"push": wrench})) == ("" if known else "push")

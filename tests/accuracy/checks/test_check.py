@@ -59,7 +59,7 @@ def test_energy_lost_to_running_contacts_without_bound_names_a_step(lost: float)
 TOP = {"mass": 0.22, "inertia": [0.0026, 0.0022, 0.00335], "angular_velocity": [10.0, 6.0, -4.0]}
 
 
-def test_a_long_step_of_auto_was_measured_and_is_told_only_beyond() -> None:
+def test_a_long_step_of_auto_was_measured_and_is_reported_only_beyond() -> None:
     """Its 4 rad keep the pose to 1e-3; the same step, named, and longer runs are not measured."""
     setting = {"method": "auto", "tolerance": 1e-3, "duration": 2.0, "rate": 50.0}
     scene = {"bodies": {"top": TOP}, "simulation": setting}
@@ -88,7 +88,7 @@ STEPPED = Effort("time_stepping", 0.02, None, 50)
 ADAPTIVE = Effort("dopri853", None, 1e-6, 50)
 
 
-def test_what_steps_miss_is_told_beyond_its_bound() -> None:
+def test_what_steps_miss_is_reported_beyond_its_bound() -> None:
     """Of rk4 a figure 8 times the bound asks for half the step."""
     fixed = Effort("rk4", 0.02, None, 50, missed=Missed(0.8, "b"))
     finding = reported(fixed)["step"]
@@ -110,7 +110,7 @@ def test_what_steps_miss_is_told_beyond_its_bound() -> None:
         ({"slipping": 3}, 0.06, 0.0, None),
     ],
 )
-def test_steps_that_do_not_follow_their_contacts_are_told(
+def test_steps_that_do_not_follow_their_contacts_are_reported(
     counted: dict[str, Any], figure: float, bound: float, finer: float | None
 ) -> None:
     """Of 50 steps of 0.02 s and 4 J; errors of first order, so that a figure four times its bound
@@ -128,7 +128,7 @@ def test_steps_that_nearly_follow_their_contacts_are_not() -> None:
     assert reported(STEPPED._replace(restruck=0.1, made=0.1), exchanged=0.0) == {}
 
 
-def test_of_what_contacts_tell_the_first_is_told() -> None:
+def test_of_what_contacts_tell_the_first_is_reported() -> None:
     """Unsolved steps explain the rest."""
     all_of_it = STEPPED._replace(unsolved=2, solver_residual=0.3, circling=1, paradox=3)
     assert reported(all_of_it)["contact steps"].where == "2 of 50 steps"
@@ -136,7 +136,7 @@ def test_of_what_contacts_tell_the_first_is_told() -> None:
 
 
 @pytest.mark.parametrize("effort", [STEPPED, ADAPTIVE])
-def test_motions_that_laws_leave_open_are_told(effort: Effort) -> None:
+def test_motions_that_laws_leave_open_are_reported(effort: Effort) -> None:
     """Apart by more than what the setting takes for one: 1e-3, or the tolerance."""
     bound = 1e-3 if effort is STEPPED else 1e-6
     chosen = LeftOpen(0.9 * bound, 0.3, "floor", "what parts,")

@@ -92,7 +92,7 @@ def test_an_exact_run_is_passed_without_a_word(swing: SampleBlock) -> None:
     assert findings(TOP, trajectory(TOP)) == {}
 
 
-def test_euler_on_a_fast_top_is_told_before_it_explodes() -> None:
+def test_euler_on_a_fast_top_is_reported_before_it_explodes() -> None:
     """First-order steps of 0.2 rad gain energy: the balance breaks within the first tenths."""
     options = {"duration": 0.3, "method": "euler", "step": 1e-3, "tolerance": None}
     mapping = TOP | {"simulation": TOP["simulation"] | options}
@@ -111,7 +111,7 @@ def test_what_an_error_makes_is_not_what_it_is_measured_by(swing: SampleBlock) -
     assert found["energy"].t == pytest.approx(0.505)
 
 
-def test_a_single_sample_that_is_no_number_is_told(swing: SampleBlock) -> None:
+def test_a_single_sample_that_is_no_number_is_reported(swing: SampleBlock) -> None:
     """gauss6, whose equations had no solution between two steps: a share of a nameless scale was
     taken for a body at rest, in silence."""
     hole = np.where(np.arange(len(swing)) == 20, np.nan, 1.0)
@@ -158,7 +158,7 @@ def test_a_constraint_of_a_state_without_an_attitude_is_named_as_well(swing: Sam
 
 
 @pytest.mark.parametrize(("spin", "told"), [(6.2, False), (6.4, True), (1e200, True)])
-def test_more_than_half_a_turn_in_a_fixed_step_is_told(
+def test_more_than_half_a_turn_in_a_fixed_step_is_reported(
     swing: SampleBlock, spin: float, told: bool
 ) -> None:
     """In steps of 0.5 s half a turn is 2 pi rad/s. A motion that has blown up turns by more, and
@@ -172,7 +172,7 @@ def test_more_than_half_a_turn_in_a_fixed_step_is_told(
     assert "step" not in findings(SWING, fast, Effort("dopri853", None, 1e-10, 2))
 
 
-def test_chatter_is_told_with_its_contact(swing: SampleBlock) -> None:
+def test_chatter_is_reported_with_its_contact(swing: SampleBlock) -> None:
     events = tuple(ContactEvent(float(t), "floor", "leaps") for t in np.linspace(0.0, 1.0, 40000))
     block = replace(swing, events=events, contact_state=np.zeros((len(swing), 1)))
     mapping = SWING | {"constraints": SWING["constraints"]}
@@ -340,7 +340,7 @@ def test_a_fit_by_a_coarse_method_tells_it() -> None:
     assert any(line.startswith("energy") for line in lost_by(load_scene(COARSE), recording))
 
 
-def test_trials_beside_a_run_are_not_told() -> None:
+def test_trials_beside_a_run_are_not_reported() -> None:
     """The derivatives of a run are carried by motions of their own."""
     from rb_sim.simulation.sensitivity import TangentSimulation
 

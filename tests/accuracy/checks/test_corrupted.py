@@ -134,7 +134,9 @@ def reported(mapping: dict[str, Any], **options: Any) -> dict[str, Finding]:
     return {finding.check: finding for finding in check_list.findings}
 
 
-def test_steps_that_do_not_come_back_to_a_joint_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_steps_that_do_not_come_back_to_a_joint_are_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The rod holds its bob by its acceleration alone: its error grows from the first steps on."""
     setting = {"method": "rk4", "step": 5e-3}
     assert reported(SCENE, **setting) == {}
@@ -168,7 +170,7 @@ def on_a_floor(**start: Any) -> dict[str, Any]:
     }
 
 
-def test_a_ball_that_sinks_into_its_floor_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ball_that_sinks_into_its_floor_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """By 1e-7 m in each of the steps: beyond 1e-6 of the scene's size after ten of them, or so."""
     scene = on_a_floor(position=[0, 0, 0.1], linear_velocity=[1, 0, 0])
     assert reported(scene) == {}
@@ -177,7 +179,7 @@ def test_a_ball_that_sinks_into_its_floor_is_told(monkeypatch: pytest.MonkeyPatc
     assert 0.0 < found.t <= 0.15 and found.figure > 1e-6
 
 
-def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_no_step_can_follow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """A weight that jumps by a thousandth some hundred times on the way."""
     setting = {"duration": 1.0}
     assert reported(SCENE, **setting) == {}
@@ -192,7 +194,9 @@ def test_a_law_that_no_step_can_follow_is_told(monkeypatch: pytest.MonkeyPatch) 
     assert found["energy"].where == "bob" and found["energy"].t < 0.1
 
 
-def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lines_that_come_to_depend_on_each_other_are_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The line of the coupler turns into the last one of a hinge, which it is at 0.5 s."""
     scene = four_bar(2.0, rocker=1.5)
     for body in scene["bodies"].values():
@@ -212,7 +216,7 @@ def test_lines_that_come_to_depend_on_each_other_are_told(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(("height", "chatters"), [(1e-2, False), (1e-6, True)])
-def test_contacts_that_change_without_end_are_told(height: float, chatters: bool) -> None:
+def test_contacts_that_change_without_end_are_reported(height: float, chatters: bool) -> None:
     """A ball that hops for ever, by a micrometre 1,100 times a second, is sampled ten times."""
     scene = on_a_floor(position=[0, 0, 0.1 + height])
     scene["constraints"]["floor"]["restitution"] = 1.0
@@ -236,7 +240,7 @@ EARLIER = 5
 """Samples before the end."""
 
 
-def test_what_the_last_block_of_a_run_that_fails_shows_is_told(
+def test_what_the_last_block_of_a_run_that_fails_shows_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "scene.yaml"

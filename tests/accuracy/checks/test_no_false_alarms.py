@@ -235,7 +235,7 @@ def test_a_steady_swing_seen_once_a_period_is_no_little_motion(periods: float) -
     assert findings(swing, periods * math.pi) == set()
 
 
-def test_energy_that_a_method_loses_is_told_all_the_same() -> None:
+def test_energy_that_a_method_loses_is_reported_all_the_same() -> None:
     """rk4 with 7 steps to the period, and samples that see it."""
     assert "energy" in findings(DAMPED, PERIOD / 28.0, method="rk4", step=PERIOD / 7.0)
 

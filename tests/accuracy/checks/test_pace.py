@@ -90,7 +90,7 @@ def test_a_long_run_without_fault_ends_without_a_word(damped: bool) -> None:
         assert momentum is not None and momentum["linear"]["relative"] < 1e-7
 
 
-def test_energy_that_jumps_late_is_told_with_its_time() -> None:
+def test_energy_that_jumps_late_is_reported_with_its_time() -> None:
     block, _ = run_of(False)
     reported, _ = found(
         False, kinetic_energy=after(block.kinetic_energy, block.kinetic_energy + 1e-3)
@@ -99,7 +99,7 @@ def test_energy_that_jumps_late_is_told_with_its_time() -> None:
     assert reported["energy"].t == block.t[LATE] and reported["energy"].where == "rod"
 
 
-def test_a_singular_configuration_late_in_a_run_is_told() -> None:
+def test_a_singular_configuration_late_in_a_run_is_reported() -> None:
     """Its drive becomes impossible at 1.6 s; 20,000 samples at rest come before that."""
     mapping = driven_to_the_end()
     mapping["simulation"] |= {"rate": 1000.0}
@@ -152,7 +152,7 @@ def test_a_ball_that_rolls_on_ends_without_a_word() -> None:
 
 
 @pytest.mark.parametrize("column", ["kinetic_energy", "contact_work"])
-def test_energy_or_work_that_jumps_while_it_rolls_is_told_with_its_time(column: str) -> None:
+def test_energy_or_work_that_jumps_while_it_rolls_is_reported_with_its_time(column: str) -> None:
     block, _ = run()
     values = getattr(block, column)
     reported, _ = found_of_contacts(**{column: after(values, values + 1e-3)})

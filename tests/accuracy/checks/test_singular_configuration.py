@@ -117,7 +117,7 @@ def test_a_parallelogram_tells_its_change_point(pieces):
 
 
 @pytest.mark.parametrize("turn", [0.2, 0.4])
-def test_a_change_point_between_samples_far_apart_is_told(turn):
+def test_a_change_point_between_samples_far_apart_is_reported(turn):
     """However much the cranks turn from one to the next [rad]: silent above 0.15 before."""
     scene = four_bar(2.0)
     scene["simulation"]["rate"] = SPEED / turn
@@ -144,7 +144,7 @@ def test_what_lies_between_samples_is_seen_on_the_motion_itself(turn: float, roc
 
 
 @pytest.mark.parametrize("turn", [0.02, 0.2, 0.4])
-def test_change_points_of_a_long_run_are_told(turn):
+def test_change_points_of_a_long_run_are_reported(turn):
     """It comes in line once in each half turn."""
     scene = four_bar(2.0)
     scene["simulation"] |= {"rate": SPEED / turn, "duration": 1000 * turn / SPEED, "step": 4e-3}
@@ -153,7 +153,7 @@ def test_change_points_of_a_long_run_are_told(turn):
 
 @pytest.mark.parametrize("rocker", [1.001, 1.05])
 @pytest.mark.parametrize("turn", [0.02, 0.3])
-def test_links_that_come_all_but_in_line_are_told_as_such_by_no_samples(turn, rocker):
+def test_links_that_come_all_but_in_line_are_reported_as_such_by_no_samples(turn, rocker):
     """A hair off a parallelogram no lines come to depend on others, whatever samples suggest."""
     scene = four_bar(2.0, rocker)
     scene["simulation"] |= {"rate": SPEED / turn, "duration": 2.0}
@@ -165,7 +165,7 @@ def test_a_four_bar_that_does_not_fold_tells_nothing():
     assert followed(four_bar(2.0, rocker=1.5)) is None
 
 
-def test_a_drive_that_becomes_impossible_is_told_when_it_does():
+def test_a_drive_that_becomes_impossible_is_reported_when_it_does():
     found = followed(driven_to_the_end())
     assert found is not None
     assert found.t == pytest.approx(1.6, abs=5e-3)
@@ -271,7 +271,7 @@ def test_a_linkage_that_holds_too_much_has_no_singular_configuration():
     assert followed(spatial_loop()) is None
 
 
-def test_lines_left_out_that_come_to_be_needed_are_told_as_that(monkeypatch):
+def test_lines_left_out_that_come_to_be_needed_are_reported_as_that(monkeypatch):
     """In loops too long to choose lines anew the choice of the start serves for good."""
     monkeypatch.setattr("rb_sim.mechanics.systems.elimination.MOST_CHANGING", 19)
     found = followed(spatial_loop())
@@ -280,7 +280,7 @@ def test_lines_left_out_that_come_to_be_needed_are_told_as_that(monkeypatch):
     assert "needed here" in str(found.finding)
 
 
-def test_a_change_point_beside_lines_too_many_is_told_as_one():
+def test_a_change_point_beside_lines_too_many_is_reported_as_one():
     scene = four_bar(2.0)
     scene["constraints"]["crank_hinge"]["floating"] = "none"
     found = followed(scene)

@@ -75,7 +75,7 @@ def watched(simulation: Simulation) -> CheckList:
 
 
 @pytest.mark.parametrize("turn", [4.0, 10.0, 300.0])
-def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
+def test_gauss6_that_steps_over_an_oscillation_is_reported(turn: float) -> None:
     """It keeps the energy to round-off, so that no balance shows it."""
     check_list = watched(oscillator("gauss6", turn / W))
     (found,) = (finding for finding in check_list.findings if finding.check == "step")
@@ -85,7 +85,7 @@ def test_gauss6_that_steps_over_an_oscillation_is_told(turn: float) -> None:
 
 
 @pytest.mark.parametrize(("method", "turn"), [("gauss6", 2.0), ("rk4", 0.65)])
-def test_an_error_that_many_steps_add_up_to_is_told(method: str, turn: float) -> None:
+def test_an_error_that_many_steps_add_up_to_is_reported(method: str, turn: float) -> None:
     """A step of gauss6 errs by (w h)^7/100800 in phase, rk4 by (w h)^5/120; 300 of them by half a
     radian and more, which no balance of gauss6 shows, and which one step keeps within its bound."""
     simulation = oscillator(method, turn / W, 300)
@@ -158,7 +158,7 @@ def test_what_steps_miss_follows_from_their_order(method: str, order: int, part:
 
 @pytest.mark.parametrize("periods", [1, 2, 4])
 @pytest.mark.parametrize("method", ["rk4", "gauss6", "euler"])
-def test_a_load_that_beats_with_the_step_is_told(method: str, periods: int) -> None:
+def test_a_load_that_beats_with_the_step_is_reported(method: str, periods: int) -> None:
     """A push that oscillates a whole number of times in a step, and in half of one, is the same in
     all of them: the ball goes on as if nothing pushed it for good."""
     load = {"type": "wrench", "force": [0.0, 0.0, 0.0], "sine_force": [200.0, 0.0, 0.0]}
@@ -217,7 +217,7 @@ def whip(step: float, duration: float) -> Simulation:
 @pytest.mark.parametrize(
     ("step", "steps"), [(0.05, 9), (0.05, 10), (0.05, 11), (0.05, 12), (0.02, 25), (0.01, 50)]
 )
-def test_what_happens_in_the_middle_of_a_short_run_is_told(step: float, steps: int) -> None:
+def test_what_happens_in_the_middle_of_a_short_run_is_reported(step: float, steps: int) -> None:
     """The start looks smooth, and so may the end; the second run passes through the middle."""
     with pytest.warns(AccuracyWarning, match="global error"):
         run = whip(step, step * steps).run()
@@ -248,7 +248,7 @@ def thrown(effect: dict[str, Any], step: float, method: str, steps: int) -> Simu
 
 
 @pytest.mark.parametrize("steps", [2, 3, 4])
-def test_a_run_that_ends_before_it_overflows_is_told(steps: int) -> None:
+def test_a_run_that_ends_before_it_overflows_is_reported(steps: int) -> None:
     """v' = -c v |v| with c h |v| = 100: v is -99, then 1e6, and after some steps more no number; so
     four steps show nothing, and one does."""
     oil = {"type": "quadratic_drag", "coefficient": 1000.0}
@@ -290,7 +290,7 @@ def damped_rod(method: str, step: float, *, apart: bool = True, **more: Any) -> 
 @pytest.mark.parametrize("rate", [100.0, 1.0 / 0.005, 37.0])
 @pytest.mark.parametrize("apart", [False, True], ids=["reduced", "maximal"])
 @pytest.mark.parametrize("step", [0.02, 0.005, 1e-4])
-def test_a_spin_about_a_thin_axis_that_gauss6_does_not_damp_is_told(
+def test_a_spin_about_a_thin_axis_that_gauss6_does_not_damp_is_reported(
     step: float, apart: bool, rate: float
 ) -> None:
     """Its factor of a decay goes to -1 with the step, where the decay's goes to 0: by momenta the
@@ -309,12 +309,12 @@ def test_a_stiff_method_is_named_where_only_far_smaller_steps_do() -> None:
 
 
 @pytest.mark.parametrize("apart", [False, True], ids=["reduced", "maximal"])
-def test_a_method_that_damps_it_out_is_not_told(apart: bool) -> None:
+def test_a_method_that_damps_it_out_is_not_reported(apart: bool) -> None:
     """radau5's factor goes to 0 as well."""
     assert watched(damped_rod("radau5", 0.005, apart=apart)).findings == ()
 
 
-def test_an_attitude_that_a_step_misses_is_told() -> None:
+def test_an_attitude_that_a_step_misses_is_reported() -> None:
     """A motor speeds up the spin of a ball that flies at 300 m/s: Euler's turn in a step is short
     by h^2 a / 2, which is nothing of its way."""
     h, a = 1e-3, 120.0

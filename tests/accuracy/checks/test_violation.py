@@ -93,7 +93,9 @@ def test_no_name_where_there_is_none_to_tell() -> None:
 
 
 @pytest.mark.parametrize(("lost", "first"), [(0.0, 1), (np.nan, 0)])
-def test_the_first_sample_beyond_the_bound_is_told_with_the_worst(lost: float, first: int) -> None:
+def test_the_first_sample_beyond_the_bound_is_reported_with_the_worst(
+    lost: float, first: int
+) -> None:
     block = samples()
     block.position[:, 1, 2] += 0.02
     block.residual[:] = lost, 0.02, 0.07

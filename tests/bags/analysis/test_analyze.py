@@ -105,7 +105,7 @@ def spoilt(kind: str, folder: Path) -> Path:
         ("time back", "time goes back 1 times"),
     ],
 )
-def test_what_is_wrong_is_told(tmp_path, kind, note):
+def test_what_is_wrong_is_reported(tmp_path, kind, note):
     found = analyze(spoilt(kind, tmp_path / "bag"))
     reported = found.as_dict()
     assert any(note in line for line in found.notes) or not note
@@ -125,7 +125,7 @@ def test_nothing_to_read_is_one_line(tmp_path, kind):
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_a_topic_that_is_not_there_is_told_those_that_are(tmp_path):
+def test_a_topic_that_is_not_there_names_those_that_are(tmp_path):
     bag = spoilt("gaps", tmp_path / "bag")
     with pytest.raises(SinkError, match="no readable topic /bodi; must be /body$"):
         analyze(bag, topics=frozenset({"/bodi"}))
@@ -151,7 +151,7 @@ def coning(period: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     return figures.as_dict()["wrench"]["Kx"]["rms"], "".join(figures.notes)
 
 
-def test_a_spin_that_is_too_fast_for_the_samples_is_told():
+def test_a_spin_that_is_too_fast_for_the_samples_is_reported():
     """The error that is told is of the size of the torque's, and less."""
     exact, nothing = coning(1e-3, 4001)
     assert not nothing
@@ -161,7 +161,7 @@ def test_a_spin_that_is_too_fast_for_the_samples_is_told():
     assert 0.05 < reported < abs(torque / exact - 1.0) < 3.0 * reported
 
 
-def test_a_wrong_schema_is_told(tmp_path):
+def test_a_wrong_schema_is_reported(tmp_path):
     """A Float64 that says it is a PoseStamped, by its schema and by its bytes."""
     import mcap.writer
 
@@ -310,7 +310,7 @@ def test_samples_that_are_not_even(jitter):
     assert np.abs(motion.turning).max() < 2e-5
 
 
-def test_noise_of_the_poses_is_told():
+def test_noise_of_the_poses_is_reported():
     """1 mm at 100 Hz is an acceleration of 0.3 * 1e-3 * 1e4 m/s^2 and more than the swing's."""
     t, p, q = foreign.swing(4000)
     rng = np.random.default_rng(3)

@@ -112,7 +112,7 @@ def test_a_command_holds_until_the_next_one(tmp_path, commanded):
     assert (balance["momentum"]["linear"]["error"] < sampled) == commanded
 
 
-def test_a_wrench_of_no_body_is_left_out_and_told(tmp_path):
+def test_a_wrench_of_no_body_is_left_out_and_reported(tmp_path):
     bag = with_wrenches(tmp_path / "bag", "sensor", "/push")
     found = analyze(bag, masses={"body": CUBE})
     line = "/push: not in the balance: neither its frame nor its topic names a body"

@@ -280,7 +280,7 @@ INNER = slice(4, -4)  # where the filter has a whole window
 OFF = float(np.sqrt(np.sum((V - in_body(V))[INNER] ** 2) / np.sum(V[INNER] ** 2)))
 
 
-def test_the_derivative_in_the_body_s_axes_is_told_nowhere(tmp_path: Path) -> None:
+def test_the_derivative_in_the_body_s_axes_is_reported_nowhere(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     v, w = (
         in_body(V) + rng.normal(0, 0.05, V.shape),
@@ -308,7 +308,7 @@ def test_the_derivative_in_the_body_s_axes_is_told_nowhere(tmp_path: Path) -> No
          "linear velocity is not the derivative of its poses in the body's axes: "),
     ],
 )  # fmt: skip
-def test_what_it_is_instead_is_told(tmp_path: Path, v, w, p, line: str) -> None:
+def test_what_it_is_instead_is_reported(tmp_path: Path, v, w, p, line: str) -> None:
     (told,) = notes(tmp_path / "x.mcap", v, w, p)
     assert told.startswith("/body:twist: its ") and line in told
 

@@ -89,7 +89,7 @@ def test_a_child_in_messages_of_several_lengths_keeps_its_order(tmp_path):
     assert peak(reported, "/tf:body") == pytest.approx(PEAK, rel=1e-3)
 
 
-def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
+def test_a_topic_in_two_channels_keeps_its_order_and_is_reported(tmp_path):
     with writing(tmp_path / "x.mcap") as bag:
         for k, (t, p, q) in enumerate(zip(T, P, Q, strict=True)):
             bag.add("/body", *pose(t, p, q), t, channel=k % 2)
@@ -100,7 +100,7 @@ def test_a_topic_in_two_channels_keeps_its_order_and_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("slash", ["", "/"])
-def test_a_frame_that_moves_and_is_in_no_tree_is_told(tmp_path, slash):
+def test_a_frame_that_moves_and_is_in_no_tree_is_reported(tmp_path, slash):
     """Odometry gives no tree: what is relative to a moving parent is not the whole motion. ROS 1
     wrote a slash before the names of frames."""
     with writing(tmp_path / "x.mcap") as bag:
@@ -209,7 +209,7 @@ def test_a_compression_that_nobody_knows_is_no_wrong_checksum(tmp_path):
 @pytest.mark.parametrize(("n", "cut", "found"), [
     (1, [], "1 pose"), (10, [], "10 poses"), (18, [9], "18 poses, 9 at most without a gap"),
 ])  # fmt: skip
-def test_poses_too_few_in_a_row_are_counted_and_told(tmp_path, n, cut, found):
+def test_poses_too_few_in_a_row_are_counted_and_reported(tmp_path, n, cut, found):
     shift = 1.0 * (np.searchsorted(cut, np.arange(n), side="right"))
     bag = foreign.write(tmp_path / "b", t=T[:n] + shift, position=P[:n], q=Q[:n])
     result = analyze(bag, masses=UNIT)
@@ -316,7 +316,7 @@ def test_the_nearest_body_above_takes_it(tmp_path):
 
 
 @pytest.mark.parametrize("clock", [3.0, -1.0, -float(foreign.EPOCH)])
-def test_another_clock_is_told(tmp_path, clock):
+def test_another_clock_is_reported(tmp_path, clock):
     """Stamps that are ahead, behind, or count from zero where the poses' count from the epoch."""
     bag = write(tmp_path / "x.mcap", "ft_sensor", clock=clock)
     found = analyze(bag, masses={"base_link": BODY})
@@ -327,7 +327,7 @@ def test_another_clock_is_told(tmp_path, clock):
     assert abs(int(line.split()[4]) - count) <= 8 and "of 392 instants" in line
 
 
-def test_a_sensor_that_is_silent_for_a_while_is_told(tmp_path):
+def test_a_sensor_that_is_silent_for_a_while_is_reported(tmp_path):
     bag = write(tmp_path / "x.mcap", "ft_sensor", silent=(1.0, 2.0))
     found = analyze(bag, masses={"base_link": BODY})
     (line,) = [note for note in found.notes if note.startswith("/push: no reading near")]

@@ -426,7 +426,7 @@ def test_a_turn_is_not_missed_by_a_whole_one():
     assert reported.errors[2] < 1e-3 and reported.correlation_left == 0.0
 
 
-def test_another_law_is_told():
+def test_another_law_is_reported():
     """It is pulled by a spring, and the scene knows only a steady force: no force follows that."""
     steady = {"pull": {"type": "wrench", "body": "rotor", "force": [0.5, 0.0, 0.0]}}
     position = np.c_[0.1 * (1.0 - np.cos(5.0 * T_WHITENESS)), 0.0 * T_WHITENESS, 0.0 * T_WHITENESS]
@@ -444,7 +444,7 @@ def test_a_single_number_without_effect_is_named_and_stays():
     assert reported.values[0] == 2.0 and np.isinf(reported.errors[0])
 
 
-def test_a_pose_that_is_far_off_is_told():
+def test_a_pose_that_is_far_off_is_reported():
     position = np.zeros((len(T_WHITENESS), 3))
     reported = fitted(position, 20.0 * T_WHITENESS, {}, ["bodies.rotor.angular_velocity"])
     assert reported.outliers == ()

@@ -121,7 +121,7 @@ def test_a_fit_finds_the_mass_from_the_wrenches_that_were_recorded(tmp_path):
     assert lost.undetermined == ["bodies.cart.mass"]
 
 
-def test_a_bag_without_the_commands_of_the_scene_is_told_to_have_none(tmp_path, capsys):
+def test_a_bag_without_the_commands_of_the_scene_is_said_to_have_none(tmp_path, capsys):
     bag = write(tmp_path / "bag", poses())
     fit_verb(FitOptions(bag, ["bodies.cart.mass"], scene=scene(tmp_path, 4.0)))
     assert "no wrench in it is a command of push of cart: zero" in capsys.readouterr().err
@@ -208,7 +208,7 @@ def test_a_topic_whose_commands_change_their_axes_is_one_command(tmp_path):
     (lambda t, p, q: foreign.tf(t, p, q, "cart"), "/tf", "/tf:cart"),
     (foreign.pose_stamped, "/mocap", "/mocap"),
 ])  # fmt: skip
-def test_whose_poses_they_are_is_told_by_topic_frame_or_there_being_one(
+def test_whose_poses_they_are_follows_from_topic_frame_or_there_being_one(
     tmp_path, make, topic, name
 ):
     bag = write(tmp_path / "bag", poses(make, topic), pushes("/cart/push"))

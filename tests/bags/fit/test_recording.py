@@ -62,7 +62,7 @@ def test_two_that_may_be_one_body_are_not_chosen_from(tmp_path):
         fit(chosen)
 
 
-def test_wrenches_that_are_not_applied_are_told(tmp_path, capsys):
+def test_wrenches_that_are_not_applied_are_reported(tmp_path, capsys):
     """A scene without a commanded_wrench takes no command."""
     set_up(options(tmp_path, ("/a/pose", "/b/pose")))
     assert "not applied" not in capsys.readouterr().err

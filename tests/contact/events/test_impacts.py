@@ -214,7 +214,7 @@ def brick(slip: list[float], spin: float, tilt: float = 0.0) -> dict[str, Any]:
     return box([0.3, 0.2, 0.1], [0.0, 0.0, 0.051], orientation=turn) | moves
 
 
-def test_a_face_whose_corners_slip_apart_is_told_and_no_rounding_decides() -> None:
+def test_a_face_whose_corners_slip_apart_is_reported_and_no_rounding_decides() -> None:
     """Which corner bears more turns the slip; a tilt of rounding has no part in it."""
     ends = []
     for tilt in (0.0, 1e-15, -1e-15, 1e-13):
@@ -233,7 +233,7 @@ def test_a_face_whose_corners_slip_apart_is_told_and_no_rounding_decides() -> No
         ([1.0, 0.0], 5.0, 0.0),
     ],
 )
-def test_a_face_whose_shares_change_nothing_is_not_told(
+def test_a_face_whose_shares_change_nothing_is_not_reported(
     slip: list[float], spin: float, mu: float
 ) -> None:
     """All corners slip one way, or stick, or none rubs: the motion is unique."""
@@ -322,7 +322,7 @@ def apart_by_hand(slip: float, spin: float, length: float) -> float:
     return far * float(np.linalg.norm(weights * (change @ free)))
 
 
-def test_shares_of_a_face_that_slips_and_spins_are_told() -> None:
+def test_shares_of_a_face_that_slips_and_spins_are_reported() -> None:
     simulation, lines = told_of_open(sliding(SLIP_OPEN, SPIN), tolerance=1e-9)
     figure, t, contact, what, *_ = simulation.left_open
     assert (t, what, contact) == (0.0, OPEN_SHARES, "floor/1")
@@ -341,20 +341,20 @@ def test_shares_of_a_face_that_slips_and_spins_are_told() -> None:
         (0.0, 0.0, MU),
     ],
 )
-def test_shares_that_change_nothing_are_not_told(slip: float, spin: float, mu: float) -> None:
+def test_shares_that_change_nothing_are_not_reported(slip: float, spin: float, mu: float) -> None:
     """All rubs one way, or shares turn and push by the same, or nothing rubs or moves."""
     simulation, lines = told_of_open(sliding(slip, spin, mu), tolerance=1e-9)
     assert simulation.left_open.figure == 0.0
     assert not lines
 
 
-def test_what_differs_by_less_than_the_setting_tells_apart_is_not_told() -> None:
+def test_what_differs_by_less_than_the_setting_tells_apart_is_not_reported() -> None:
     slow = sliding(SLIP_OPEN, 0.3)
     assert len(told_of_open(slow, tolerance=1e-9)[1]) == 1
     assert not told_of_open(slow, tolerance=1e-3)[1]
 
 
-def test_an_impact_of_a_face_that_spins_is_told_once_with_how_far_its_ends_are_apart() -> None:
+def test_an_impact_of_a_face_that_spins_is_reported_once_with_how_far_its_ends_are_apart() -> None:
     mapping = scene(brick([SLIP_OPEN, 0.0], SPIN), touch(mu=MU, restitution=0.5))
     simulation, lines = told_of_open(mapping, tolerance=1e-9)
     figure, t, contact, what, *_ = simulation.left_open

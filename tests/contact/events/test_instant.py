@@ -20,7 +20,7 @@ from rb_sim import Simulation, load_scene
 from tests.contact.scenes import G, ball, box, scene, touch
 
 
-def test_events_are_told_in_the_order_of_their_times() -> None:
+def test_events_are_reported_in_the_order_of_their_times() -> None:
     """That a ball rests is known at its last bounce, and takes place after it: dropped by h, after
     sqrt(2 h/g) and, of its bounces, twice that times e + e^2 + e^3 ..."""
     data = scene({"body": ball([0.0, 0.0, 0.2])}, touch(mu=0.5, restitution=0.5))

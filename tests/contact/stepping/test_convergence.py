@@ -78,7 +78,7 @@ def reported(start: Any, step: float, mu: float) -> tuple[int, str]:
     return simulation.circling_steps, text
 
 
-def test_a_step_too_long_for_a_thin_disk_is_told() -> None:
+def test_a_step_too_long_for_a_thin_disk_is_reported() -> None:
     """Where the disk is nearly flat its lowest point runs around the rim within a step, and is
     struck here and there; a wheel that rolls upright, however fast, and a ball are none of that."""
     low = START | {"position": [0.0, 0.0, 0.1], "angular_velocity": [0.3, 0.1, 0.2]}
@@ -108,7 +108,7 @@ def paradox(mu: float, step: float = 1e-3) -> tuple[int, str]:
     return simulation.paradox_steps, text
 
 
-def test_painleves_paradox_is_told() -> None:
+def test_painleves_paradox_is_reported() -> None:
     """A rod whose end slides away from under it jams on a rough floor; on one where friction never
     pulls it down by more than the floor lifts it, it slides."""
     steps, text = paradox(2.0)
@@ -151,7 +151,7 @@ def rough_slips(shape: dict[str, Any], low: float) -> tuple[int, str, Any]:
     return simulation.slipping_steps, text, run
 
 
-def test_what_may_not_slip_and_does_is_told() -> None:
+def test_what_may_not_slip_and_does_is_reported() -> None:
     """Friction that stops a box beside its middle would lift it, with no push left to rub; as with
     a very large coefficient it goes on for 10 ms.  A ball is stopped at once."""
     steps, text, run = rough_slips({"type": "box", "size": [0.5, 0.3, 0.1]}, 0.05)
@@ -174,7 +174,7 @@ def in_a_bowl(step: float) -> tuple[float, float, float, str]:
     return 4.5, float(run.energy[0] - run.energy[-1]), simulation.restruck_energy, text
 
 
-def test_energy_lost_where_a_contact_bears_already_is_told() -> None:
+def test_energy_lost_where_a_contact_bears_already_is_reported() -> None:
     """Where a step is long its point moves on along a curved wall by more than the step before
     tells, and is struck anew; of second order."""
     start, lost, restruck, text = in_a_bowl(5e-2)
@@ -185,7 +185,7 @@ def test_energy_lost_where_a_contact_bears_already_is_told() -> None:
     assert less < 0.05 * lost and "contact steps" not in text
 
 
-def test_a_lift_off_where_the_end_could_as_well_push_is_told() -> None:
+def test_a_lift_off_where_the_end_could_as_well_push_is_reported() -> None:
     """At mu 1.6 it slides into the paradox. A step of 1e-4 s lifts it off there, where the end that
     has borne until then could as well jam, as it does with exact events."""
     steps, text = paradox(1.6, 1e-4)
