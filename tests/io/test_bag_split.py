@@ -160,7 +160,9 @@ def test_files_whose_names_are_no_series_are_read_in_the_order_of_their_times(re
     """As `ros2 bag reindex` lists what somebody has renamed."""
     bag = record(n=200, split_duration=0.5)
     whole = times(bag)
-    names = dict(zip([f"bag_{k}.mcap" for k in range(4)], ("wed", "tue", "mon", "sun"), strict=True))
+    names = dict(
+        zip([f"bag_{k}.mcap" for k in range(4)], ("wed", "tue", "mon", "sun"), strict=True)
+    )
     for old, new in names.items():
         (bag / old).rename(bag / f"{new}.mcap")
     changed(bag, lambda listed: sorted(f"{names[old]}.mcap" for old in listed))

@@ -42,8 +42,8 @@ AXES = ("world", "body")
 """Of the states."""
 
 LATER = 0.01
-"""Time after which the model is computed again, in times of the fastest mode, or in durations of the
-scene if all its eigenvalues are 0 (a pendulum let go from the horizontal)."""
+"""Time after which the model is computed again, in times of the fastest mode, or in durations of
+the scene if all its eigenvalues are 0 (a pendulum let go from the horizontal)."""
 
 STEADY = 1e-6
 """Change of A over LATER, relative to A, up to which the motion counts as steady."""
