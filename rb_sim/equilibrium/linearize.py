@@ -285,7 +285,7 @@ LEAST_PIVOT = 1e-9
 """Pivot of the scaled rows, relative to the largest, at or below which a coordinate stays free.
 Larger than in the rank rule: the choice of states is free, and a bad one amplifies errors."""
 
-GOOD_PIVOT = 0.1
+GOOD_PIVOT = 1e-3
 """Relative pivot above which a coordinate of a later body is made dependent, so that the states
 belong to the bodies named first in the scene. Errors grow at most by its inverse."""
 

@@ -192,6 +192,14 @@ def test_of_a_motion_that_is_not_steady_no_mode_is_said_to_grow(said: Any) -> No
     assert "grows" not in text
 
 
+def test_a_pendulum_let_go_from_the_horizontal_is_not_steady(said: Any) -> None:
+    """Its weight turns it, though all eigenvalues are 0 there, which give no time."""
+    rod = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1], "position": [1.0, 0.0, 0.0]}
+    hinge = {"type": "fixed_axis", "body": "rod", "axis_B": [0, 1, 0], "point_B": [-1, 0, 0]}
+    scene = {"bodies": {"rod": rod}, "constraints": {"hinge": hinge}}
+    assert UNSTEADY in said(scene | {"effects": {"weight": {"type": "gravity"}}})
+
+
 def test_contacts_are_refused_before_anything_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     """To come to t = 1 s the loops of contacts would be compiled first, for a minute."""
     monkeypatch.setattr(Simulation, "advance", lambda *_: pytest.fail("moved"))

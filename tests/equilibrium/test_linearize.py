@@ -335,6 +335,34 @@ def test_a_double_zero_is_two_modes_and_states_are_of_the_body_named_first(first
     assert zero[0].state != zero[1].state
 
 
+@pytest.mark.parametrize("first", ["crank", "rocker"])
+def test_the_states_of_a_loop_are_of_the_body_named_first(first: str) -> None:
+    """A parallelogram: an angle of one leg gives all others."""
+    leg = {"mass": 1.0, "inertia": [0.1, 0.1, 0.1]}
+    up = {"orientation": {"axis": [0, 1, 0], "angle": -math.pi / 2}}
+    bodies = {
+        "crank": leg | up,
+        "coupler": leg | {"position": [0.5, 0.0, 0.3]},
+        "rocker": leg | up | {"position": [1.0, 0.0, 0.0]},
+    }
+    hinge = {"type": "fixed_axis", "axis_B": [0, 1, 0]}
+    onto = hinge | {"body": "coupler", "point_A": [0.3, 0, 0]}
+    constraints = {
+        "left": hinge | {"body": "crank"},
+        "right": hinge | {"body": "rocker", "point_A": [1, 0, 0]},
+        "on_left": onto | {"parent": "crank", "point_B": [-0.5, 0, 0]},
+        "on_right": onto | {"parent": "rocker", "point_B": [0.5, 0, 0]},
+    }
+    found = model(
+        {
+            "bodies": {first: bodies[first]} | bodies,
+            "constraints": constraints,
+            "effects": {"weight": {"type": "gravity"}},
+        }
+    )
+    assert found.states == (f"{first}/angle_y", f"{first}/spin_y")
+
+
 @pytest.mark.parametrize("spin", [1.03, 96.7])
 @pytest.mark.parametrize("inertia", [[1.0, 1.0, 1.0], [1.0, 2.0, 2.9]])
 def test_a_free_body_that_spins_about_a_stable_axis_does_not_grow(

@@ -156,6 +156,19 @@ def test_files_are_found_however_metadata_names_them(record, named):
     assert BagReader(bag).unlisted == []
 
 
+def test_files_whose_names_are_no_series_are_read_in_the_order_of_their_times(record):
+    """As `ros2 bag reindex` lists what somebody has renamed."""
+    bag = record(n=200, split_duration=0.5)
+    whole = times(bag)
+    names = dict(
+        zip([f"bag_{k}.mcap" for k in range(4)], ("wed", "tue", "mon", "sun"), strict=True)
+    )
+    for old, new in names.items():
+        (bag / old).rename(bag / f"{new}.mcap")
+    changed(bag, lambda listed: sorted(f"{names[old]}.mcap" for old in listed))
+    np.testing.assert_array_equal(times(bag), whole)
+
+
 def test_files_without_metadata_are_one_bag_if_their_names_are_a_series(record):
     bag = record(n=200, split_duration=0.5)
     whole = times(bag)

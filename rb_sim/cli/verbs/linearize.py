@@ -42,7 +42,8 @@ AXES = ("world", "body")
 """Of the states."""
 
 LATER = 0.01
-"""Time after which the model is computed again, in times of the fastest mode."""
+"""Time after which the model is computed again, in times of the fastest mode, or in durations of
+the scene if all its eigenvalues are 0 (a pendulum let go from the horizontal)."""
 
 STEADY = 1e-6
 """Change of A over LATER, relative to A, up to which the motion counts as steady."""
@@ -108,9 +109,8 @@ def write(folder: Path, name: str, model: LinearModel, is_steady: bool) -> list[
 
 def steady(simulation: Simulation, model: LinearModel, axes: str, turning: float) -> bool:
     """Whether the linear model is constant along the motion; advances the simulation."""
-    if not model.fastest > 0.0:
-        return True
-    simulation.advance(LATER / model.fastest)
+    time = 1.0 / model.fastest if model.fastest else simulation.scene.simulation.duration
+    simulation.advance(LATER * time)
     turned = turning * (simulation.time - model.t)
     return model.change(simulation.linearize(axes, turning), turned) <= STEADY
 

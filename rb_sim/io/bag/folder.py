@@ -177,8 +177,9 @@ def bag_paths(bag: Path) -> list[Path]:
     They are those in metadata.yaml that exist (`absent` reports the others); without it all files,
     if their names form a series (NAME_0, NAME_1 ..., or 0_NAME_TIME, 1_NAME_TIME ... of rosbag2
     since 2026). Empty ones, which a full disk or a killed process leaves behind the last one, are
-    left out (`unlisted` reports them). Order: by number, else as in metadata.yaml. Raises SinkError
-    if there is no file, or several bags.
+    left out (`unlisted` reports them). Order: by number, which holds even if the clock was set back
+    between two; else by the first times of the log. Raises SinkError if there is no file, or
+    several bags.
     """
     if not bag.is_dir():
         if not bag.exists():
@@ -209,7 +210,18 @@ def bag_paths(bag: Path) -> list[Path]:
             f"series, as {found[0].name} and {found[-1].name}; name one of them, or call those of "
             f"one recording NAME_0{found[0].suffix}, NAME_1{found[0].suffix} ..."
         )
+    else:
+        found = sorted(found, key=_begins)
     return [path for path in found if path.stat().st_size] or found
+
+
+def _begins(path: Path) -> float:
+    """The earliest log time in the first batch of a file [ns]; infinite without any."""
+    with suppress(SinkError):
+        for batch in scan_of(path).batches():
+            if times := [messages.log_time.min() for messages in batch.values()]:
+                return float(min(times))
+    return float("inf")
 
 
 def _of_run(folder: Path) -> Path:
